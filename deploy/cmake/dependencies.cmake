@@ -1,0 +1,30 @@
+# Imported targets for every third-party package, all from Debian 12. Oddities are explained where they are met.
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+find_package(Imath REQUIRED)
+find_package(OpenEXR REQUIRED)
+find_package(TBB REQUIRED)
+find_package(fmt REQUIRED)
+find_package(spdlog REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(tomlplusplus REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(TinyGLTF REQUIRED)
+pkg_check_modules(xxhash REQUIRED IMPORTED_TARGET libxxhash)
+pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)
+pkg_check_modules(draco REQUIRED IMPORTED_TARGET draco)
+pkg_check_modules(crypto REQUIRED IMPORTED_TARGET libcrypto)
+pkg_check_modules(png REQUIRED IMPORTED_TARGET libpng)
+# OpenImageIO's CMake package names an include directory that Debian does not ship; pkg-config is right.
+pkg_check_modules(oiio REQUIRED IMPORTED_TARGET OpenImageIO)
+
+# Embree 4 where it is, else 3.13: worker/scene/embree.h hides the difference.
+find_package(embree 4 QUIET)
+if(NOT embree_FOUND)
+  find_package(embree 3.13 REQUIRED)
+endif()
+
+if(PHOTONFARM_TESTS)
+  find_package(GTest REQUIRED)
+  find_package(benchmark REQUIRED)
+endif()

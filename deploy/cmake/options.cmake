@@ -1,0 +1,44 @@
+# Language level, warnings, instruction set and sanitizers, carried by one interface target.
+option(PHOTONFARM_TESTS "Build the tests" ON)
+option(PHOTONFARM_FUZZ "Build the libFuzzer targets (needs clang)" OFF)
+option(PHOTONFARM_TIDY "Run clang-tidy while compiling" OFF)
+set(PHOTONFARM_SANITIZE "" CACHE STRING "Comma-separated -fsanitize= list, e.g. address,undefined")
+
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+
+add_library(pf_options INTERFACE)
+target_include_directories(pf_options INTERFACE "${PROJECT_SOURCE_DIR}")
+target_compile_options(
+  pf_options
+  INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror
+            # One instruction set and no contraction: an image's bits depend on the job alone (README, "Reproducible").
+            -march=x86-64-v3 -ffp-contract=off -fno-math-errno -fno-trapping-math)
+# Imath and Embree headers use float/int conversions that -Wconversion flags only when inlined into our code.
+if(PHOTONFARM_SANITIZE)
+  target_compile_options(pf_options INTERFACE -fsanitize=${PHOTONFARM_SANITIZE} -fno-omit-frame-pointer
+                                              -fno-sanitize-recover=all)
+  target_link_options(pf_options INTERFACE -fsanitize=${PHOTONFARM_SANITIZE})
+endif()
+if(PHOTONFARM_TIDY)
+  find_program(PHOTONFARM_CLANG_TIDY clang-tidy REQUIRED)
+  set(CMAKE_CXX_CLANG_TIDY "${PHOTONFARM_CLANG_TIDY};--quiet")
+endif()
+find_program(PHOTONFARM_CCACHE ccache)
+if(PHOTONFARM_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${PHOTONFARM_CCACHE}")
+endif()
+
+# pf_library(NAME folder [DEPENDS ...]): every .cpp of a folder as one static library.
+function(pf_library name)
+  cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE;SOURCES" ${ARGN})
+  if(NOT ARG_SOURCES)
+    file(GLOB ARG_SOURCES CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/*.cpp")
+  endif()
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_link_libraries(${name} PUBLIC pf_options ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+endfunction()
