@@ -10,11 +10,20 @@
 
 namespace pf {
 
-enum class IntegratorType { kAuto, kPath, kPhotonMap, kFinalGather, kIrradianceCache, kPhotonSplat, kPpm, kSppm };
+enum class IntegratorType {
+  kAuto,
+  kPath,
+  kPhotonMap,
+  kFinalGather,
+  kIrradianceCache,
+  kPhotonSplat,
+  kPpm,
+  kSppm
+};
 enum class ProgressiveMode { kShared, kIndependent };
 
-/// One job: what a user submits. Field by field the job file of the contract (README, jobs/SPEC.md); every field has its
-/// default here and nowhere else.
+/// One job: what a user submits. Field by field the job file of the contract (README, jobs/SPEC.md); every
+/// field has its default here and nowhere else.
 struct JobSpec {
   int spec_version = 1;
   struct Job {
@@ -24,8 +33,8 @@ struct JobSpec {
   struct Scene {
     std::string file;                 ///< required; relative to the job file's folder, never outside it
     std::string environment;          ///< .hdr/.exr, or empty
-    double environment_scale = 1.0;   ///< multiplies the map; with no map: constant grey radiance if environment_radiance is set
-    std::vector<double> environment_radiance;  ///< empty or three numbers: constant radiance from all sides
+    double environment_scale = 1.0;   ///< multiplies the map or environment_radiance
+    std::vector<double> environment_radiance;  ///< empty or three numbers; not with a map
     std::string camera;               ///< name of a glTF camera; empty: the first
     std::string scene;                ///< name or index of a glTF scene; empty: the document's default
     double lens_radius = 0.0;         ///< metres; 0 is a pinhole
@@ -42,7 +51,7 @@ struct JobSpec {
     std::int64_t photons = 500000;    ///< paths per sub-pass
     double round_growth = 0.25;
     double alpha = 0.6667;
-    double initial_radius = 0.0;      ///< metres; 0: per pixel, from the scene (the default and nearly always right)
+    double initial_radius = 0.0;      ///< metres; 0: per pixel, from the scene
     int max_depth = 32;               ///< bounces; 0: no bound but Russian roulette
     std::uint64_t seed = 1;
   } integrator;
@@ -63,8 +72,10 @@ struct JobSpec {
   std::filesystem::path folder;
 };
 
-/// Parses and checks a job file (TOML, or JSON when it ends in .json). Errors: kInvalidSpec with `file:line:column: ...`.
-[[nodiscard]] Result<JobSpec> load_job(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+/// Parses and checks a job file (TOML, or JSON when it ends in .json). Overrides are arguments of `--set`,
+/// `table.key=value`. Errors: kInvalidSpec with `file:line:column: ...` or `--set argument: ...`.
+[[nodiscard]] Result<JobSpec> load_job(const std::filesystem::path& file,
+                                       const std::vector<std::string>& overrides = {});
 /// Same from text; `origin` stands for the file in messages.
 [[nodiscard]] Result<JobSpec> parse_job_toml(std::string_view text, std::string_view origin,
                                              const std::vector<std::string>& overrides = {});
@@ -72,10 +83,13 @@ struct JobSpec {
                                              const std::vector<std::string>& overrides = {});
 /// Canonical JSON: all keys, sorted, defaults filled in; equal specs give equal text.
 [[nodiscard]] std::string canonical_json(const JobSpec& spec);
-/// SHA-256 (hex) of the part of the canonical form that decides the image: without job.priority, stop, checkpoint, faults.
+/// SHA-256 (hex) of the part of the canonical form that decides the image: without job.priority, stop,
+/// checkpoint and faults.
 [[nodiscard]] std::string image_hash_of_spec(const JobSpec& spec);
 /// JSON Schema of the job model, generated from the same table as the parser.
 [[nodiscard]] std::string job_json_schema();
+/// The reference of the job file in Markdown (jobs/SPEC.md), generated from the same table.
+[[nodiscard]] std::string job_spec_reference();
 [[nodiscard]] std::string_view to_string(IntegratorType type);
 [[nodiscard]] std::string_view to_string(ProgressiveMode mode);
 

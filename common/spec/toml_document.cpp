@@ -1,0 +1,145 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "common/spec/document.h"
+
+// Compiled in here alone, without exceptions, and with a small bound on recursion (see kMaxDepth).
+#define TOML_HEADER_ONLY 1
+#define TOML_EXCEPTIONS 0
+#define TOML_ENABLE_FORMATTERS 0
+#define TOML_MAX_NESTED_VALUES 8
+#include <toml++/toml.h>
+
+namespace pf::spec {
+namespace {
+
+static_assert(TOML_MAX_NESTED_VALUES == kMaxDepth);
+
+/// Dots outside strings and comments that a job file may hold; one needs about twenty.
+constexpr int kMaxDots = 500;
+
+Place to_place(toml::source_position position) {
+  return {std::max<std::uint32_t>(position.line, 1), std::max<std::uint32_t>(position.column, 1)};
+}
+
+/// Steps over the string at the start of `text`, which begins with a quote; up to the end where it is not
+/// closed.
+std::size_t string_length(std::string_view text) {
+  const char quote = text[0];
+  const std::string_view triple = quote == '"' ? "\"\"\"" : "'''";
+  const bool multiline = text.starts_with(triple);
+  std::size_t i = multiline ? 3 : 1;
+  while (i < text.size()) {
+    if (text[i] == '\\' && quote == '"') {
+      i += 2;
+    } else if (multiline && text.substr(i).starts_with(triple)) {
+      i += 3;
+      for (int extra = 0; extra < 2 && i < text.size() && text[i] == quote; ++extra)
+        ++i;  // `""""` ends with a quote
+      return i;
+    } else if (!multiline && (text[i] == quote || text[i] == '\n' || text[i] == '\r')) {
+      return i + 1;
+    } else {
+      ++i;
+    }
+  }
+  return text.size();
+}
+
+/// Where too many dots were met. toml++ bounds the nesting of values but not of dotted keys: `a.a.a.a = 1`
+/// makes a table for each dot, searched through one by one while parsing and freed recursively, so that a
+/// megabyte of them takes minutes and then the stack.
+std::optional<Place> too_many_dots(std::string_view text) {
+  Place place;
+  int dots = 0;
+  std::size_t i = 0;
+  while (i < text.size()) {
+    std::size_t step = 1;
+    if (text[i] == '"' || text[i] == '\'') {
+      step = string_length(text.substr(i));
+    } else if (text[i] == '#') {
+      step = std::min(text.find_first_of("\n\r\v\f", i), text.size()) - i;
+    } else if (text[i] == '.' && ++dots > kMaxDots) {
+      return place;
+    }
+    for (const char c : text.substr(i, step)) {
+      if (c == '\n') {
+        place = {place.line + 1, 1};
+      } else if ((static_cast<unsigned char>(c) & 0xc0) != 0x80) {
+        ++place.column;
+      }
+    }
+    i += step;
+  }
+  return std::nullopt;
+}
+
+class Converter {
+ public:
+  explicit Converter(std::string_view origin) : origin_(origin) {}
+
+  Result<Value> convert(const toml::node& node, int depth) const {
+    const Place place = to_place(node.source().begin);
+    if (depth > kMaxDepth) {
+      return fail(ErrorKind::kInvalidSpec,
+                  fmt::format("{}: values are nested too deeply; expected at most {} levels",
+                              location(origin_, place), kMaxDepth));
+    }
+    if (const auto* table = node.as_table()) return convert_table(*table, place, depth);
+    if (const auto* array = node.as_array()) return convert_array(*array, place, depth);
+    if (const auto* text = node.as_string()) return Value{text->get(), place};
+    if (const auto* integer = node.as_integer()) return Value{integer->get(), place};
+    if (const auto* real = node.as_floating_point()) return Value{real->get(), place};
+    if (const auto* boolean = node.as_boolean()) return Value{boolean->get(), place};
+    return Value{Value::Other{"a date or time"}, place};
+  }
+
+ private:
+  Result<Value> convert_table(const toml::table& table, Place place, int depth) const {
+    Value::Table members;
+    for (const auto& [key, node] : table) {
+      auto value = convert(node, depth + 1);
+      if (!value) return value;
+      members.push_back({std::string(key.str()), to_place(key.source().begin), std::move(*value)});
+    }
+    // toml++ sorts by name; the first error to report is the first of the file.
+    std::ranges::sort(members, {}, [](const Member& m) { return std::tuple(m.place.line, m.place.column); });
+    return Value{std::move(members), place};
+  }
+
+  Result<Value> convert_array(const toml::array& array, Place place, int depth) const {
+    Value::Array items;
+    for (const toml::node& node : array) {
+      auto value = convert(node, depth + 1);
+      if (!value) return value;
+      items.push_back(std::move(*value));
+    }
+    return Value{std::move(items), place};
+  }
+
+  std::string_view origin_;
+};
+
+}  // namespace
+
+Result<Value> parse_toml_document(std::string_view text, std::string_view origin) {
+  if (const auto place = too_many_dots(text)) {
+    return fail(ErrorKind::kInvalidSpec,
+                fmt::format("{}: too many dotted keys; expected keys of the form table.key",
+                            location(origin, *place)));
+  }
+  const toml::parse_result parsed = toml::parse(text);
+  if (!parsed) {
+    const toml::parse_error& error = parsed.error();
+    return fail(ErrorKind::kInvalidSpec, fmt::format("{}: {}; expected valid TOML 1.0",
+                                                     location(origin, to_place(error.source().begin)),
+                                                     printable(error.description(), 300)));
+  }
+  return Converter(origin).convert(parsed.table(), 0);
+}
+
+}  // namespace pf::spec
