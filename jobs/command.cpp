@@ -1,0 +1,112 @@
+#include "jobs/command.h"
+
+#include <algorithm>
+#include <array>
+#include <ostream>
+
+#include <fmt/format.h>
+
+#include "build_id.h"
+#include "common/base/nearest_name.h"
+#include "common/base/result.h"
+
+namespace pf {
+namespace {
+
+constexpr std::array kCommands = {
+    Command{"render", "render a job file to EXR, PNG and figures", "photonfarm render JOB.toml --out out",
+            run_render_command},
+    Command{"plan", "say which algorithm a job would use, and why", "photonfarm plan JOB.toml",
+            run_plan_command},
+    Command{"compare", "measure how far an image is from a reference", "photonfarm compare A.exr REF.exr",
+            run_compare_command},
+    Command{"doctor", "check that this machine can render", "photonfarm doctor", run_doctor_command},
+};
+
+std::string help_text() {
+  std::string text = fmt::format(
+      "photonfarm {}: renders glTF scenes with photon mapping\n\nUsage: photonfarm COMMAND "
+      "[ARGUMENTS]\n\nCommands:\n",
+      kVersion);
+  for (const Command& command : kCommands) text += fmt::format("  {:<10}{}\n", command.name, command.summary);
+  text +=
+      "\nOptions:\n  -h,--help  this text; after a command, the command's\n  --version  version and build "
+      "id\n\nExamples:\n";
+  for (const Command& command : kCommands) text += fmt::format("  {}\n", command.example);
+  text +=
+      "\nExit codes: 0 done; 2 usage or job file; 3 scene or image; 4 engine not reachable; 5 failed; 130 "
+      "interrupted\n";
+  return text;
+}
+
+int usage_error(const Context& context, std::string_view who, std::string message, std::string_view help) {
+  context.err << fmt::format("{}: {}; see {} --help\n", who, message, help);
+  return exit_code(ErrorKind::kUsage);
+}
+
+/// The long names of the options, as they are typed.
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+}  // namespace
+
+std::span<const Command> commands() { return kCommands; }
+
+std::optional<int> parse_arguments(CLI::App& app, const Context& context, const Arguments& arguments) {
+  Arguments reversed(arguments.rbegin(), arguments.rend());  // CLI11 takes them from the back
+  try {
+    app.parse(std::move(reversed));
+    return std::nullopt;
+  } catch (const CLI::CallForHelp&) {
+    context.out << app.help();
+    return 0;
+  } catch (const CLI::ExtrasError& error) {
+    std::string message = error.what();
+    const std::vector<std::string> valid = option_names(app);
+    for (const std::string& argument : arguments) {
+      const std::string name = argument.substr(0, argument.find('='));
+      if (name.starts_with("--") && std::find(valid.begin(), valid.end(), name) == valid.end()) {
+        message = fmt::format("unknown option '{}'", name);
+        if (const auto near = nearest_name(name, valid))
+          message += fmt::format("; did you mean '{}'?", *near);
+        break;
+      }
+    }
+    return usage_error(context, app.get_name(), message, app.get_name());
+  } catch (const CLI::ParseError& error) {
+    return usage_error(context, app.get_name(), error.what(), app.get_name());
+  }
+}
+
+int run_photonfarm(const Context& context, const Arguments& arguments) {
+  if (arguments.empty()) {
+    context.err << help_text();
+    return exit_code(ErrorKind::kUsage);
+  }
+  const std::string& name = arguments.front();
+  if (name == "-h" || name == "--help") {
+    context.out << help_text();
+    return 0;
+  }
+  if (name == "--version") {
+    context.out << fmt::format("photonfarm {}\nbuild {}\n", kVersion, kBuildId);
+    return 0;
+  }
+  for (const Command& command : kCommands) {
+    if (name == command.name) return command.run(context, Arguments(arguments.begin() + 1, arguments.end()));
+  }
+  std::vector<std::string_view> names;
+  for (const Command& command : kCommands) names.push_back(command.name);
+  std::string message = fmt::format("unknown {} '{}'", name.starts_with('-') ? "option" : "command", name);
+  if (const auto near = nearest_name(name, std::span<const std::string_view>(names))) {
+    message += fmt::format("; did you mean '{}'?", *near);
+  }
+  return usage_error(context, "photonfarm", message, "photonfarm");
+}
+
+}  // namespace pf

@@ -1,0 +1,47 @@
+// photonfarm: the command. Parses, wires, exits; see jobs/command.h.
+
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <iostream>
+
+#include "common/base/result.h"
+#include "jobs/command.h"
+
+namespace {
+
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? std::string() : std::string(value);
+}
+
+/// $XDG_STATE_HOME/photonfarm, by default ~/.local/state/photonfarm (XDG Base Directory Specification 0.8).
+std::filesystem::path state_folder() {
+  const std::filesystem::path state = environment("XDG_STATE_HOME");
+  if (state.is_absolute()) return state / "photonfarm";
+  const std::filesystem::path home = environment("HOME");
+  return home.empty() ? home : home / ".local" / "state" / "photonfarm";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const pf::Context context{std::filesystem::read_symlink("/proc/self/exe").parent_path(),
+                              environment("PATH"),
+                              state_folder(),
+                              std::filesystem::temp_directory_path(),
+                              std::cout,
+                              std::cerr};
+    const int code = pf::run_photonfarm(context, pf::Arguments(argv + 1, argv + argc));
+    std::cout.flush();
+    if (!std::cout) {
+      std::cerr << "photonfarm: standard output cannot be written\n";
+      return pf::exit_code(pf::ErrorKind::kInternal);
+    }
+    return code;
+  } catch (const std::exception& error) {
+    std::cerr << "photonfarm: " << error.what() << '\n';
+    return pf::exit_code(pf::ErrorKind::kInternal);
+  }
+}
