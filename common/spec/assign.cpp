@@ -86,7 +86,8 @@ class Assigner {
     const auto* text = std::get_if<std::string>(&value_.data);
     if (text == nullptr) return refuse(describe(value_));
     if (text->size() > kind.max_bytes) return refuse(fmt::format("a string of {} bytes", text->size()));
-    if (has_control_character(*text)) return refuse(quoted(*text));
+    // Overrides come from the command line, which may hold any bytes.
+    if (has_control_character(*text) || !is_utf8(*text)) return refuse(quoted(*text));
     if (kind.form == TextForm::kPath) return assign_path(kind, *text);
     if (kind.form == TextForm::kJobName && !is_job_name(*text)) return refuse(quoted(*text));
     kind.set(spec_, *text);

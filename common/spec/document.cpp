@@ -53,6 +53,15 @@ std::string location(std::string_view origin, Place place) {
   return fmt::format("{}:{}:{}", origin, place.line, place.column);
 }
 
+bool is_utf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t length = sequence_length(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
 std::string printable(std::string_view text, std::size_t max_bytes) {
   std::string shown;
   while (!text.empty()) {

@@ -50,6 +50,7 @@ inline constexpr std::uint64_t kMaxSpecBytes = std::uint64_t{1} << 20;
 
 /// `origin:line:column`
 [[nodiscard]] std::string location(std::string_view origin, Place place);
+[[nodiscard]] bool is_utf8(std::string_view text);
 /// `text` on one line of valid UTF-8, control characters and broken bytes escaped, cut after `max_bytes`.
 [[nodiscard]] std::string printable(std::string_view text, std::size_t max_bytes = 80);
 /// What a value is, for messages: `the string "x"`, `the integer 3`, `a table`.

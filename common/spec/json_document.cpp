@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -35,7 +36,6 @@ class CountingIterator {
     return before;
   }
   friend bool operator==(const CountingIterator& a, const CountingIterator& b) { return a.at_ == b.at_; }
-  friend bool operator!=(const CountingIterator& a, const CountingIterator& b) { return a.at_ != b.at_; }
 
  private:
   const char* at_;
@@ -112,9 +112,12 @@ class Builder final : public nlohmann::json_sax<Json> {
     const std::size_t column = what.find(", column ");
     const std::size_t colon = column == std::string_view::npos ? what.find("] ") : what.find(": ", column);
     if (colon != std::string_view::npos) what.remove_prefix(colon + 2);
-    std::string message = printable(what, 300);
-    if (message.find("; expected ") == std::string::npos) message += "; expected valid JSON";
-    return refuse(place, std::move(message));
+    const std::size_t expected = what.rfind("; expected ");
+    const std::string_view hint =
+        expected == std::string_view::npos ? "; expected valid JSON" : what.substr(expected);
+    // `; last read: '...'` repeats the text before the place, sometimes several lines of it.
+    const std::string_view problem = what.substr(0, std::min(what.find("; last read: "), expected));
+    return refuse(place, printable(problem, 200) + printable(hint, 200));
   }
 
   [[nodiscard]] Result<Value> result() && {

@@ -197,7 +197,8 @@ struct Describe {
         return fmt::format("a relative path below the job file's folder that ends in {}",
                            fmt::join(kind.extensions, " or "));
       case TextForm::kFree:
-        return fmt::format("a string of at most {} bytes without control characters", kind.max_bytes);
+        return fmt::format("a string of at most {} bytes of UTF-8 without control characters",
+                           kind.max_bytes);
     }
     return "a string";
   }

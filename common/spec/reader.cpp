@@ -57,14 +57,15 @@ tl::unexpected<Error> invalid(std::string_view where, std::string_view what) {
   return fail(ErrorKind::kInvalidSpec, fmt::format("{}: {}", where, what));
 }
 
-tl::unexpected<Error> unknown_key(std::string_view where, std::string_view table, std::string_view name) {
+tl::unexpected<Error> unknown_key(std::string_view where, std::string_view table, std::string_view name,
+                                  std::string_view noun = "key") {
   std::vector<std::string_view> valid = keys_of(table);
   if (table.empty()) {
     for (const std::string_view t : names_of_tables()) valid.push_back(t);
   }
   const std::string full = table.empty() ? printable(name) : fmt::format("{}.{}", table, printable(name));
-  return invalid(where, fmt::format("unknown key '{}'; expected one of {}{}", full, fmt::join(valid, ", "),
-                                    suggestion(table, name, valid)));
+  return invalid(where, fmt::format("unknown {} '{}'; expected one of {}{}", noun, full,
+                                    fmt::join(valid, ", "), suggestion(table, name, valid)));
 }
 
 std::string_view trimmed(std::string_view text) {
@@ -98,7 +99,8 @@ Result<void> Reader::read(const Value& document) {
     const std::string place = location(origin_, member.place);
     if (!is_table(member.key)) {
       const Key* key = find_key("", member.key);
-      if (key == nullptr) return unknown_key(place, "", member.key);
+      const bool table = std::holds_alternative<Value::Table>(member.value.data);
+      if (key == nullptr) return unknown_key(place, "", member.key, table ? "table" : "key");
       if (auto done = set(*key, member.value, location(origin_, member.value.place)); !done) return done;
       continue;
     }

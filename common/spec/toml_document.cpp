@@ -135,9 +135,13 @@ Result<Value> parse_toml_document(std::string_view text, std::string_view origin
   const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
     const toml::parse_error& error = parsed.error();
-    return fail(ErrorKind::kInvalidSpec, fmt::format("{}: {}; expected valid TOML 1.0",
-                                                     location(origin, to_place(error.source().begin)),
-                                                     printable(error.description(), 300)));
+    std::string_view what = error.description();
+    what = what.substr(0, what.find(" (TOML_MAX_NESTED_VALUES)"));
+    std::string message = printable(what, 300);
+    if (message.starts_with('E')) message[0] = 'e';  // Error, Encountered
+    return fail(ErrorKind::kInvalidSpec,
+                fmt::format("{}: {}; expected valid TOML 1.0",
+                            location(origin, to_place(error.source().begin)), message));
   }
   return Converter(origin).convert(parsed.table(), 0);
 }
