@@ -26,53 +26,85 @@ Place to_place(toml::source_position position) {
   return {std::max<std::uint32_t>(position.line, 1), std::max<std::uint32_t>(position.column, 1)};
 }
 
+bool is_ascii(char c) { return static_cast<unsigned char>(c) < 0x80; }
+
 /// Steps over the string at the start of `text`, which begins with a quote; up to the end where it is not
-/// closed.
-std::size_t string_length(std::string_view text) {
+/// closed, and up to the character where toml++ must not come (see find_hazard).
+struct StringEnd {
+  std::size_t length;
+  bool hazard;
+};
+StringEnd find_string_end(std::string_view text) {
   const char quote = text[0];
   const std::string_view triple = quote == '"' ? "\"\"\"" : "'''";
   const bool multiline = text.starts_with(triple);
   std::size_t i = multiline ? 3 : 1;
   while (i < text.size()) {
     if (text[i] == '\\' && quote == '"') {
+      const std::size_t next = multiline ? text.find_first_not_of(" \t\r\n", i + 1) : std::string_view::npos;
+      if (next != std::string_view::npos && !is_ascii(text[next])) return {next, true};
       i += 2;
     } else if (multiline && text.substr(i).starts_with(triple)) {
       i += 3;
       for (int extra = 0; extra < 2 && i < text.size() && text[i] == quote; ++extra)
         ++i;  // `""""` ends with a quote
-      return i;
+      return {i, false};
     } else if (!multiline && (text[i] == quote || text[i] == '\n' || text[i] == '\r')) {
-      return i + 1;
+      return {i + 1, false};
     } else {
       ++i;
     }
   }
-  return text.size();
+  return {text.size(), false};
 }
 
-/// Where too many dots were met. toml++ bounds the nesting of values but not of dotted keys: `a.a.a.a = 1`
-/// makes a table for each dot, searched through one by one while parsing and freed recursively, so that a
-/// megabyte of them takes minutes and then the stack.
-std::optional<Place> too_many_dots(std::string_view text) {
+Place advanced(Place place, std::string_view text) {
+  for (const char c : text) {
+    if (c == '\n') {
+      place = {place.line + 1, 1};
+    } else if ((static_cast<unsigned char>(c) & 0xc0) != 0x80) {
+      ++place.column;
+    }
+  }
+  return place;
+}
+
+struct Hazard {
+  Place place;
+  std::string_view what;
+};
+
+/// The first place that toml++ 3.3 could not be trusted with.
+/// - It bounds the nesting of values but not of dotted keys: `a.a.a.a = 1` makes a table for each dot,
+/// searched one by
+///   one while parsing and freed recursively, so that a megabyte of them takes minutes and then the stack.
+/// - is_non_ascii_horizontal_whitespace() runs into undefined behaviour for most characters beyond ASCII. It
+/// meets
+///   them outside strings and comments, where TOML forbids them, and after the line-ending backslash of a
+///   multi-line string, where it does not.
+std::optional<Hazard> find_hazard(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
   Place place;
   int dots = 0;
-  std::size_t i = 0;
+  std::size_t i = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
   while (i < text.size()) {
     std::size_t step = 1;
     if (text[i] == '"' || text[i] == '\'') {
-      step = string_length(text.substr(i));
+      const StringEnd end = find_string_end(text.substr(i));
+      step = end.length;
+      if (end.hazard) {
+        return Hazard{
+            advanced(place, text.substr(i, step)),
+            "a character beyond ASCII follows a line-ending backslash; expected it on the line before"};
+      }
     } else if (text[i] == '#') {
       step = std::min(text.find_first_of("\n\r\v\f", i), text.size()) - i;
+    } else if (!is_ascii(text[i])) {
+      return Hazard{place, "a character beyond ASCII outside strings and comments; expected valid TOML 1.0"};
     } else if (text[i] == '.' && ++dots > kMaxDots) {
-      return place;
+      return Hazard{place, "too many dotted keys; expected keys of the form table.key"};
     }
-    for (const char c : text.substr(i, step)) {
-      if (c == '\n') {
-        place = {place.line + 1, 1};
-      } else if ((static_cast<unsigned char>(c) & 0xc0) != 0x80) {
-        ++place.column;
-      }
-    }
+    place = advanced(place, text.substr(i, step));
     i += step;
   }
   return std::nullopt;
@@ -127,10 +159,9 @@ class Converter {
 }  // namespace
 
 Result<Value> parse_toml_document(std::string_view text, std::string_view origin) {
-  if (const auto place = too_many_dots(text)) {
+  if (const auto hazard = find_hazard(text)) {
     return fail(ErrorKind::kInvalidSpec,
-                fmt::format("{}: too many dotted keys; expected keys of the form table.key",
-                            location(origin, *place)));
+                fmt::format("{}: {}", location(origin, hazard->place), hazard->what));
   }
   const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {

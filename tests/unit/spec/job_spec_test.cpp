@@ -156,6 +156,12 @@ TEST(JobSpec, CountsNoDotsInStringsAndComments) {
       parse_job_toml(std::string(kMinimal) + "camera = '" + dots + "'", "job.toml"));  // but too long
 }
 
+TEST(JobSpec, TakesTextBeyondAsciiInStringsAndComments) {
+  const std::string text = "\xef\xbb\xbf# Küche\n" + std::string(kMinimal) + "camera = \"Küche\" # Küche\n";
+  EXPECT_EQ(parsed(text).scene.camera, "Küche");
+  EXPECT_EQ(parsed(std::string(kMinimal) + "camera = \"\"\"\\\n  Küche\"\"\"").scene.camera, "Küche");
+}
+
 TEST(Overrides, WinOverTheFileAndTheLastOneWins) {
   const JobSpec spec = parsed(kFull, {"stop.passes=64", "integrator.type=\"ppm\"", "stop.passes = 128 "});
   EXPECT_EQ(spec.stop.passes, 128);
