@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -9,11 +10,16 @@
 
 namespace pf {
 
-/// All textures of a scene behind OpenImageIO's texture cache (bounded memory), filtered in linear light.
+/// All textures of a scene, decoded by OpenImageIO once and kept in the encoding of their file (8 or 16 bits a channel);
+/// texels are made linear by table when they are looked up, then filtered. PNG and JPEG cannot be read tile by tile, so
+/// that a cache which drops tiles would decode whole images again and again; and linear light needs twice the bits.
+/// Textures that share an image share its pixels. Memory stays bounded: what is beyond the given size lives in an
+/// unlinked file in the temporary folder, mapped to memory, which the system may write out.
 class TextureStore {
  public:
-  /// Opens every texture once, so that a broken image is found before rendering. A texture that cannot be read is
-  /// an error of kind kInvalidInput naming the file.
+  /// Decodes every image, so that a broken one is found before rendering. Errors: kInvalidInput naming the file (or the
+  /// texture, when it has none): missing, broken, truncated, neither PNG nor JPEG nor WebP, wider or higher than 16384;
+  /// kInternal: no room in memory or in the temporary folder.
   [[nodiscard]] static Result<TextureStore> open(const std::vector<Texture>& textures, std::size_t cache_megabytes = 256);
   TextureStore(TextureStore&&) noexcept;
   TextureStore& operator=(TextureStore&&) noexcept;
