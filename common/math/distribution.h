@@ -10,8 +10,8 @@
 
 namespace pf {
 
-/// Picks one of n items with probability proportional to its weight, by bisection of the cumulative sums: the map from
-/// `u` is monotone, so that stratified numbers stay stratified (an alias table would scatter them).
+/// Picks one of n items with probability proportional to its weight, by bisection of the cumulative sums: the
+/// map from `u` is monotone, so that stratified numbers stay stratified (an alias table would scatter them).
 class Distribution1D {
  public:
   Distribution1D() = default;

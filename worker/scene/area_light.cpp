@@ -10,8 +10,8 @@
 namespace pf {
 namespace {
 
-/// Solid angle [sr] above which an emitter is sampled by solid angle. Below it, cosine and squared distance vary little
-/// over the emitter, and uniform sampling by area is as good and several times cheaper.
+/// Solid angle [sr] above which an emitter is sampled by solid angle. Below it, cosine and squared distance
+/// vary little over the emitter, and uniform sampling by area is as good and several times cheaper.
 constexpr double kLargeSolidAngle = 0.02;
 /// Relative error of corners and angles up to which two triangles count as a parallelogram or rectangle.
 constexpr float kShapeTolerance = 1e-5f;
@@ -28,7 +28,8 @@ bool shines(const EmissiveTriangle& t) {
          average(t.radiance) > 0.0f;
 }
 
-/// Where the direction `w` from `p` meets the plane of origin, edge_u, edge_v: (s, t), kept inside the triangle.
+/// Where the direction `w` from `p` meets the plane of origin, edge_u, edge_v: (s, t), kept inside the
+/// triangle.
 Vec2f meet_triangle(const Vec3d& origin, const Vec3d& edge_u, const Vec3d& edge_v, const Vec3d& w) {
   const Vec3d h = w.cross(edge_v);
   const double determinant = edge_u.dot(h);
@@ -48,16 +49,22 @@ struct AreaLight::SharedEdge {
   std::uint8_t corner_a = 0, corner_b = 0;
 };
 
-AreaLight::AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v,
-                     int count)
-    : origin_(origin), edge_u_(edge_u), edge_v_(edge_v), ng_(like.ng), radiance_(like.radiance),
-      two_sided_(like.two_sided), count_(static_cast<std::uint8_t>(count)) {
+AreaLight::AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u,
+                     const Vec3f& edge_v, int count)
+    : origin_(origin),
+      edge_u_(edge_u),
+      edge_v_(edge_v),
+      ng_(like.ng),
+      radiance_(like.radiance),
+      two_sided_(like.two_sided),
+      count_(static_cast<std::uint8_t>(count)) {
   const Box3f bounds = box();
   center_ = bounds.center();
   radius_ = 0.5f * length(bounds.size());
   area_ = length(cross(edge_u, edge_v)) * (count == 2 ? 1.0f : 0.5f);
   extent_ = std::max(max_magnitude(bounds.min), max_magnitude(bounds.max));
-  rectangle_ = count == 2 && std::abs(dot(edge_u, edge_v)) <= kShapeTolerance * length(edge_u) * length(edge_v);
+  rectangle_ =
+      count == 2 && std::abs(dot(edge_u, edge_v)) <= kShapeTolerance * length(edge_u) * length(edge_v);
 }
 
 AreaLight::AreaLight(const EmissiveTriangle& triangle, std::uint32_t index)
@@ -93,14 +100,17 @@ std::vector<AreaLight::SharedEdge> AreaLight::shared_edges(std::span<const Emiss
   for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
     while (last < sides.size() && sides[last].key == sides[first].key) ++last;
     if (last - first != 2) continue;  // a border, or a fold where more than two sheets meet
-    edges.push_back({sides[first].triangle, sides[first + 1].triangle, sides[first].corner, sides[first + 1].corner});
+    edges.push_back(
+        {sides[first].triangle, sides[first + 1].triangle, sides[first].corner, sides[first + 1].corner});
   }
-  std::sort(edges.begin(), edges.end(),
-            [](const SharedEdge& x, const SharedEdge& y) { return std::pair(x.a, x.b) < std::pair(y.a, y.b); });
+  std::sort(edges.begin(), edges.end(), [](const SharedEdge& x, const SharedEdge& y) {
+    return std::pair(x.a, x.b) < std::pair(y.a, y.b);
+  });
   return edges;
 }
 
-std::optional<AreaLight> AreaLight::pair(std::span<const EmissiveTriangle> triangles, const SharedEdge& edge) {
+std::optional<AreaLight> AreaLight::pair(std::span<const EmissiveTriangle> triangles,
+                                         const SharedEdge& edge) {
   const EmissiveTriangle& a = triangles[edge.a];
   const EmissiveTriangle& b = triangles[edge.b];
   if (a.radiance != b.radiance || a.two_sided != b.two_sided || dot(a.ng, b.ng) < 0.999f) return std::nullopt;

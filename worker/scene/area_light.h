@@ -11,8 +11,8 @@
 
 namespace pf {
 
-/// What light sampling chooses among: an emissive triangle, or two that share an edge, lie in one plane, shine alike and
-/// make a parallelogram. The latter are one emitter, sampled without a seam.
+/// What light sampling chooses among: an emissive triangle, or two that share an edge, lie in one plane,
+/// shine alike and make a parallelogram. The latter are one emitter, sampled without a seam.
 class AreaLight {
  public:
   /// One triangle.
@@ -30,15 +30,15 @@ class AreaLight {
   };
   struct Sample {
     Point point;
-    Vec3f wi;           ///< unit, from the receiver to the point
+    Vec3f wi;  ///< unit, from the receiver to the point
     float distance = 0;
-    float pdf_w = 0;    ///< per steradian, given this emitter
+    float pdf_w = 0;  ///< per steradian, given this emitter
   };
 
   /// Whether light of this emitter leaves towards `p`: on the front side, or either side of a two-sided one.
   [[nodiscard]] bool faces(const Vec3f& p) const;
-  /// A point as seen from `p`: uniform in solid angle where that is large, uniform in area elsewhere. Empty where no
-  /// light can leave towards `p`.
+  /// A point as seen from `p`: uniform in solid angle where that is large, uniform in area elsewhere. Empty
+  /// where no light can leave towards `p`.
   [[nodiscard]] std::optional<Sample> sample(const Vec3f& p, const Vec2f& u) const;
   /// Density per steradian with which sample(p) returns the point `q` of the emitter.
   [[nodiscard]] float pdf_w(const Vec3f& p, const Vec3f& q) const;
@@ -49,7 +49,7 @@ class AreaLight {
   [[nodiscard]] const Vec3f& ng() const { return ng_; }
   [[nodiscard]] const Rgb& radiance() const { return radiance_; }
   [[nodiscard]] bool two_sided() const { return two_sided_; }
-  [[nodiscard]] float extent() const { return extent_; }      ///< largest absolute coordinate of the corners
+  [[nodiscard]] float extent() const { return extent_; }  ///< largest absolute coordinate of the corners
   [[nodiscard]] Box3f box() const;
   /// Flux [W] for the mean radiance: pi L A, for each side that shines.
   [[nodiscard]] Rgb flux() const { return radiance_ * (kPi * area_ * (two_sided_ ? 2.0f : 1.0f)); }
@@ -58,15 +58,19 @@ class AreaLight {
   [[nodiscard]] bool is_rectangle() const { return rectangle_; }
 
  private:
-  /// A triangle seen from the corner that both parts of a parallelogram do not share: which of the weights (corner,
-  /// along u, along v) belong to its second and third corner.
-  struct Roles { std::uint8_t second = 1, third = 2; };
+  /// A triangle seen from the corner that both parts of a parallelogram do not share: which of the weights
+  /// (corner, along u, along v) belong to its second and third corner.
+  struct Roles {
+    std::uint8_t second = 1, third = 2;
+  };
 
   struct SharedEdge;
-  AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v, int count);
+  AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v,
+            int count);
   [[nodiscard]] static std::vector<SharedEdge> shared_edges(std::span<const EmissiveTriangle> triangles,
                                                             const std::vector<bool>& usable);
-  [[nodiscard]] static std::optional<AreaLight> pair(std::span<const EmissiveTriangle> triangles, const SharedEdge& edge);
+  [[nodiscard]] static std::optional<AreaLight> pair(std::span<const EmissiveTriangle> triangles,
+                                                     const SharedEdge& edge);
   [[nodiscard]] Point point_at(float s, float t) const;
   [[nodiscard]] double large_solid_angle(const Vec3f& p) const;
   [[nodiscard]] Vec2f sample_solid_angle(const Vec3f& p, const Vec2f& u) const;

@@ -25,7 +25,8 @@ std::size_t scale_and_clean(std::vector<Rgb>& pixels, const Rgb& scale) {
   for (Rgb& pixel : pixels) {
     pixel *= scale;
     if (usable(pixel.x) && usable(pixel.y) && usable(pixel.z)) continue;
-    pixel = Rgb(usable(pixel.x) ? pixel.x : 0.0f, usable(pixel.y) ? pixel.y : 0.0f, usable(pixel.z) ? pixel.z : 0.0f);
+    pixel = Rgb(usable(pixel.x) ? pixel.x : 0.0f, usable(pixel.y) ? pixel.y : 0.0f,
+                usable(pixel.z) ? pixel.z : 0.0f);
     ++cleaned;
   }
   return cleaned;
@@ -51,8 +52,9 @@ Result<EnvironmentMap> EnvironmentMap::load(const Environment& e, std::vector<st
   result.height_ = map->height;
   result.pixels_ = std::move(map->pixels);
   if (const std::size_t cleaned = scale_and_clean(result.pixels_, e.radiance); cleaned > 0) {
-    warnings.push_back(fmt::format("{}: {} of {} pixels hold negative, infinite or NaN values; these are taken as 0",
-                                   e.file, cleaned, result.pixels_.size()));
+    warnings.push_back(
+        fmt::format("{}: {} of {} pixels hold negative, infinite or NaN values; these are taken as 0", e.file,
+                    cleaned, result.pixels_.size()));
   }
   result.prepare();
   if (!result.present()) warnings.push_back(fmt::format("{}: the environment map is black", e.file));
@@ -60,8 +62,8 @@ Result<EnvironmentMap> EnvironmentMap::load(const Environment& e, std::vector<st
 }
 
 void EnvironmentMap::prepare() {
-  // Row y covers cosines between its borders: solid angle of a pixel = 2 pi / width * (cos above - cos below), and
-  // cos theta = 1 - 2 sin^2(theta/2), which keeps its digits near the pole.
+  // Row y covers cosines between its borders: solid angle of a pixel = 2 pi / width * (cos above - cos
+  // below), and cos theta = 1 - 2 sin^2(theta/2), which keeps its digits near the pole.
   row_borders_.resize(height_ + 1);
   for (std::size_t y = 0; y <= height_; ++y) {
     const double s = std::sin(0.5 * std::numbers::pi * static_cast<double>(y) / static_cast<double>(height_));
@@ -95,7 +97,8 @@ EnvironmentMap::Pixel EnvironmentMap::pixel_at(const Vec3f& d) const {
 }
 
 Vec3f EnvironmentMap::direction_in(const Pixel& p, const Vec2f& u) const {
-  const double s2 = row_borders_[p.y] + static_cast<double>(u.y) * (row_borders_[p.y + 1] - row_borders_[p.y]);
+  const double s2 =
+      row_borders_[p.y] + static_cast<double>(u.y) * (row_borders_[p.y + 1] - row_borders_[p.y]);
   const float sin_theta = static_cast<float>(2.0 * std::sqrt(std::max(0.0, s2 * (1.0 - s2))));
   const float phi = 2.0f * kPi * ((static_cast<float>(p.x) + u.x) / static_cast<float>(width_) - 0.5f);
   return {sin_theta * std::sin(phi), static_cast<float>(1.0 - 2.0 * s2), -sin_theta * std::cos(phi)};

@@ -11,22 +11,27 @@
 
 namespace pf {
 
-/// Light from outside the scene: constant, or a latitude-longitude map: direction d has v = acos(d.y)/pi from the top
-/// row, and u = 0.5 + atan2(d.x, -d.z)/(2 pi): the image's centre lies along -z, its right half towards +x. Sampled
-/// proportionally to luminance times solid angle. A pixel is constant over its rectangle, so that sampling and
-/// evaluation agree exactly.
+/// Light from outside the scene: constant, or a latitude-longitude map: direction d has v = acos(d.y)/pi from
+/// the top row, and u = 0.5 + atan2(d.x, -d.z)/(2 pi): the image's centre lies along -z, its right half
+/// towards +x. Sampled proportionally to luminance times solid angle. A pixel is constant over its rectangle,
+/// so that sampling and evaluation agree exactly.
 class EnvironmentMap {
  public:
-  /// Reads the map (.hdr or .exr, told by their content; first part, largest level). `e.radiance` scales it, channel by
-  /// channel; without a file it is the constant radiance itself. Errors (kInvalidInput): missing, unreadable, too large.
-  /// Pixels that are negative, NaN, infinite or above 1e18 only warn: they become 0 and are counted in `warnings`.
+  /// Reads the map (.hdr or .exr, told by their content; first part, largest level). `e.radiance` scales it,
+  /// channel by channel; without a file it is the constant radiance itself. Errors (kInvalidInput): missing,
+  /// unreadable, too large. Pixels that are negative, NaN, infinite or above 1e18 only warn: they become 0
+  /// and are counted in `warnings`.
   [[nodiscard]] static Result<EnvironmentMap> load(const Environment& e, std::vector<std::string>& warnings);
 
   /// Radiance [W sr^-1 m^-2] arriving from unit direction `d` (pointing away from the scene).
   [[nodiscard]] Rgb radiance(const Vec3f& d) const;
   /// Density per steradian with which sample() returns `d`.
   [[nodiscard]] float pdf_w(const Vec3f& d) const;
-  struct Sample { Vec3f direction; Rgb radiance; float pdf_w; };
+  struct Sample {
+    Vec3f direction;
+    Rgb radiance;
+    float pdf_w;
+  };
   [[nodiscard]] Sample sample(const Vec2f& u) const;
   /// Integral of radiance over the sphere of directions [W m^-2]: flux through a disc = this * disc area.
   [[nodiscard]] Rgb total() const;
@@ -34,7 +39,9 @@ class EnvironmentMap {
   [[nodiscard]] bool present() const;
 
  private:
-  struct Pixel { std::size_t x = 0, y = 0; };
+  struct Pixel {
+    std::size_t x = 0, y = 0;
+  };
 
   [[nodiscard]] Pixel pixel_at(const Vec3f& d) const;
   [[nodiscard]] std::size_t index(const Pixel& p) const { return p.y * width_ + p.x; }
@@ -43,13 +50,13 @@ class EnvironmentMap {
   [[nodiscard]] float pdf_of(const Rgb& radiance) const { return luminance(radiance) * inverse_luminance_; }
   void prepare();
 
-  std::size_t width_ = 0, height_ = 0;    ///< 0: no map, the same radiance everywhere
+  std::size_t width_ = 0, height_ = 0;  ///< 0: no map, the same radiance everywhere
   std::vector<Rgb> pixels_;
   Rgb constant_{0, 0, 0};
   Rgb total_{0, 0, 0};
-  float inverse_luminance_ = 0;           ///< 1 / integral of luminance over the sphere
+  float inverse_luminance_ = 0;  ///< 1 / integral of luminance over the sphere
   Distribution2D distribution_;
-  std::vector<double> row_borders_;       ///< sin^2(theta/2) at the border above each row, and 1 at the end
+  std::vector<double> row_borders_;  ///< sin^2(theta/2) at the border above each row, and 1 at the end
 };
 
 }  // namespace pf

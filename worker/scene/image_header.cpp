@@ -10,7 +10,9 @@ namespace pf {
 namespace {
 
 using Bytes = std::span<const std::uint8_t>;
-struct Size { std::uint32_t width = 0, height = 0; };
+struct Size {
+  std::uint32_t width = 0, height = 0;
+};
 
 bool has_text(Bytes bytes, std::size_t at, std::string_view text) {
   return bytes.size() >= at + text.size() &&
@@ -55,7 +57,8 @@ std::optional<Size> jpeg_size(Bytes bytes) {
     if (bytes.size() - at < 2) return std::nullopt;
     const std::uint32_t length = big_endian(bytes, at, 2);
     if (length < 2 || bytes.size() - at < length) return std::nullopt;
-    if (is_start_of_frame(marker) && length >= 8) size = Size{big_endian(bytes, at + 5, 2), big_endian(bytes, at + 3, 2)};
+    if (is_start_of_frame(marker) && length >= 8)
+      size = Size{big_endian(bytes, at + 5, 2), big_endian(bytes, at + 3, 2)};
     at += length;
   }
 }
@@ -63,12 +66,14 @@ std::optional<Size> jpeg_size(Bytes bytes) {
 /// WebP: extended, lossless or lossy [RFC 9649, 2.4 to 2.7].
 std::optional<Size> webp_size(Bytes bytes) {
   if (bytes.size() < 30 || std::uint64_t{little_endian(bytes, 4, 4)} + 8 > bytes.size()) return std::nullopt;
-  if (has_text(bytes, 12, "VP8X")) return Size{little_endian(bytes, 24, 3) + 1, little_endian(bytes, 27, 3) + 1};
+  if (has_text(bytes, 12, "VP8X"))
+    return Size{little_endian(bytes, 24, 3) + 1, little_endian(bytes, 27, 3) + 1};
   if (has_text(bytes, 12, "VP8L")) {
     const std::uint32_t bits = little_endian(bytes, 21, 4);
     return Size{(bits & 0x3FFFu) + 1, (bits >> 14 & 0x3FFFu) + 1};
   }
-  if (has_text(bytes, 12, "VP8 ")) return Size{little_endian(bytes, 26, 2) & 0x3FFFu, little_endian(bytes, 28, 2) & 0x3FFFu};
+  if (has_text(bytes, 12, "VP8 "))
+    return Size{little_endian(bytes, 26, 2) & 0x3FFFu, little_endian(bytes, 28, 2) & 0x3FFFu};
   return std::nullopt;
 }
 
@@ -92,12 +97,13 @@ Result<ImageHeader> read_image_header(Bytes bytes, const std::string& name) {
   }
   if (!size) return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is truncated or damaged", name));
   if (size->width == 0 || size->height == 0) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: image is {} x {} pixels; expected at least 1 x 1", name, size->width, size->height));
+    return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is {} x {} pixels; expected at least 1 x 1",
+                                                      name, size->width, size->height));
   }
   if (size->width > kMaxImageSide || size->height > kMaxImageSide) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is {} x {} pixels; at most {} x {} are supported", name,
-                                                      size->width, size->height, kMaxImageSide, kMaxImageSide));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: image is {} x {} pixels; at most {} x {} are supported", name, size->width,
+                            size->height, kMaxImageSide, kMaxImageSide));
   }
   header.width = size->width;
   header.height = size->height;

@@ -27,8 +27,8 @@ struct RowSink {
   std::function<void(std::size_t y, std::span<const std::uint8_t> row)> row;
 };
 
-/// Decodes an encoded PNG, JPEG or WebP image as stored: alpha not multiplied in, no colour conversion. Rows from the
-/// top. Errors: kInvalidInput, led by `name`; those of sink.begin.
+/// Decodes an encoded PNG, JPEG or WebP image as stored: alpha not multiplied in, no colour conversion. Rows
+/// from the top. Errors: kInvalidInput, led by `name`; those of sink.begin.
 [[nodiscard]] Result<void> decode_image(std::span<const std::uint8_t> encoded, const std::string& name,
                                         const RowSink& sink);
 
@@ -39,8 +39,9 @@ struct RadianceMap {
   std::vector<Rgb> pixels;
 };
 
-/// Reads a Radiance .hdr or an OpenEXR file, told apart by content: the first part's largest level, its display window
-/// (black where there is no data). Errors: kInvalidInput naming the file (too large included: more than 2^27 pixels or 65536 on a side).
+/// Reads a Radiance .hdr or an OpenEXR file, told apart by content: the first part's largest level, its
+/// display window (black where there is no data). Errors: kInvalidInput naming the file (too large included:
+/// more than 2^27 pixels or 65536 on a side).
 [[nodiscard]] Result<RadianceMap> read_radiance_map(const std::string& file);
 
 }  // namespace pf

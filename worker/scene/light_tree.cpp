@@ -10,7 +10,8 @@ namespace pf {
 namespace {
 
 constexpr double kPiD = std::numbers::pi;
-/// Slack of the cosines by which a node is culled: single precision loses about this much when angles are subtracted.
+/// Slack of the cosines by which a node is culled: single precision loses about this much when angles are
+/// subtracted.
 constexpr float kCosineSlack = 2e-3f;
 /// Least cosine of a node that is not culled.
 constexpr float kCosineFloor = 1e-2f;
@@ -30,8 +31,8 @@ float sin_difference(float sin_a, float cos_a, float sin_b, float cos_b) {
 }
 float sine(float cosine) { return std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)); }
 
-/// Smallest cone around two cones of normals: axis and cosine of the half-angle [Conty Estevez and Kulla 2018,
-/// algorithm 1].
+/// Smallest cone around two cones of normals: axis and cosine of the half-angle [Conty Estevez and Kulla
+/// 2018, algorithm 1].
 std::pair<Vec3f, float> unite_cones(const LightBounds& a, const LightBounds& b) {
   // The sides of two-sided emitters are alike: turn the second towards the first.
   const bool turn = a.two_sided && b.two_sided && dot(a.axis, b.axis) < 0.0f;
@@ -56,11 +57,12 @@ double orientation_measure(const LightBounds& bounds) {
   const double theta_w = std::min(theta_o + angle(bounds.cos_e), kPiD);
   const double sin_o = std::sin(theta_o), cos_o = std::cos(theta_o);
   return 2.0 * kPiD * (1.0 - cos_o) +
-         0.5 * kPiD * (2.0 * theta_w * sin_o - std::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o);
+         0.5 * kPiD *
+             (2.0 * theta_w * sin_o - std::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o);
 }
 
-/// Surface area orientation heuristic of one side of a split. The squared diagonal stands for the area: a row of point
-/// lights has a box without any.
+/// Surface area orientation heuristic of one side of a split. The squared diagonal stands for the area: a row
+/// of point lights has a box without any.
 double side_cost(const LightBounds& bounds) {
   return static_cast<double>(bounds.energy) * orientation_measure(bounds) *
          static_cast<double>(length2(bounds.box.size()));
@@ -162,13 +164,15 @@ std::size_t LightTree::split(std::span<Item> items, const LightBounds& bounds, i
                      [axis](const Item& a, const Item& b) { return a.center[axis] < b.center[axis]; });
     return items.size() / 2;
   }
-  const auto middle = std::stable_partition(
-      items.begin(), items.end(), [&](const Item& item) { return bucket_of(item, best_axis) <= best_bucket; });
+  const auto middle = std::stable_partition(items.begin(), items.end(), [&](const Item& item) {
+    return bucket_of(item, best_axis) <= best_bucket;
+  });
   return static_cast<std::size_t>(middle - items.begin());
 }
 
-/// Estimated irradiance from a node [Conty Estevez and Kulla 2018, eq. 3]: energy over squared distance, with the cosines
-/// at the emitters and at the receiver as large as they can be for anything inside the node's sphere.
+/// Estimated irradiance from a node [Conty Estevez and Kulla 2018, eq. 3]: energy over squared distance, with
+/// the cosines at the emitters and at the receiver as large as they can be for anything inside the node's
+/// sphere.
 float LightTree::node_importance(const Node& node, const Receiver& receiver) {
   const Vec3f d = node.center - receiver.p;
   const float d2 = length2(d);
@@ -190,8 +194,9 @@ float LightTree::node_importance(const Node& node, const Receiver& receiver) {
   const float cos_received = cos_difference(sine(cos_i), cos_i, sin_b, cos_b);
   if (cos_received < -kCosineSlack) return 0.0f;
 
-  return std::min(node.energy / d2 * std::max(cos_emitted, kCosineFloor) * std::max(cos_received, kCosineFloor),
-                  kLargestImportance);
+  return std::min(
+      node.energy / d2 * std::max(cos_emitted, kCosineFloor) * std::max(cos_received, kCosineFloor),
+      kLargestImportance);
 }
 
 }  // namespace pf

@@ -18,22 +18,23 @@ struct Receiver {
   bool transmissive = false;  ///< light from both sides of the normal counts
 };
 
-/// Bounds of the light that one emitter or a group sends out: from `box`, into directions within theta_o + theta_e of
-/// `axis`, theta_o bounding the normals and theta_e the spread around them [Conty Estevez and Kulla 2018, section 4.1].
+/// Bounds of the light that one emitter or a group sends out: from `box`, into directions within theta_o +
+/// theta_e of `axis`, theta_o bounding the normals and theta_e the spread around them [Conty Estevez and
+/// Kulla 2018, section 4.1].
 struct LightBounds {
   Box3f box;
   Vec3f axis{0.0f, 0.0f, 1.0f};
   float cos_o = 1.0f;
   float cos_e = 0.0f;
-  float energy = 0.0f;        ///< largest radiant intensity, mean of the channels [W/sr]; sums over a group
+  float energy = 0.0f;  ///< largest radiant intensity, mean of the channels [W/sr]; sums over a group
   bool two_sided = false;
 };
 
 [[nodiscard]] LightBounds unite(const LightBounds& a, const LightBounds& b);
 
-/// A binary tree over emitters that picks one for a receiver with a probability close to its contribution, in the time
-/// of one descent [Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting",
-/// without the splitting; pbrt-v4 12.6.3]. Immutable; the same input gives the same tree.
+/// A binary tree over emitters that picks one for a receiver with a probability close to its contribution, in
+/// the time of one descent [Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive
+/// Tree Splitting", without the splitting; pbrt-v4 12.6.3]. Immutable; the same input gives the same tree.
 class LightTree {
  public:
   LightTree() = default;
@@ -45,8 +46,8 @@ class LightTree {
     float u = 0;  ///< what is left of the random number
   };
 
-  /// Picks an emitter; empty where none can contribute. `exact(light)`, in [0, 1], sharpens what the bounds of one single
-  /// emitter say; it is 0 exactly where that emitter sends no light towards the receiver.
+  /// Picks an emitter; empty where none can contribute. `exact(light)`, in [0, 1], sharpens what the bounds
+  /// of one single emitter say; it is 0 exactly where that emitter sends no light towards the receiver.
   template <typename Exact>
   [[nodiscard]] std::optional<Pick> sample(const Receiver& receiver, float u, const Exact& exact) const;
   /// Probability with which sample() returns `light`.
@@ -60,12 +61,12 @@ class LightTree {
  private:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
   struct Node {
-    Vec3f center{0, 0, 0};      ///< sphere around the box
+    Vec3f center{0, 0, 0};  ///< sphere around the box
     float radius2 = 0;
     Vec3f axis{0, 0, 1};
     float cos_o = 1, sin_o = 0, cos_e = 0;
     float energy = 0;
-    std::uint32_t right = 0;    ///< the left child follows its parent
+    std::uint32_t right = 0;  ///< the left child follows its parent
     std::uint32_t parent = kNone;
     std::uint32_t light = kNone;  ///< of a leaf
     bool two_sided = false;
@@ -75,7 +76,8 @@ class LightTree {
   std::uint32_t build(std::span<Item> items, int depth, std::uint32_t parent);
   [[nodiscard]] static std::size_t split(std::span<Item> items, const LightBounds& bounds, int depth);
   [[nodiscard]] static float node_importance(const Node& node, const Receiver& receiver);
-  /// Probability of the left child. Neither side that can contribute falls below a floor: the estimates are rough.
+  /// Probability of the left child. Neither side that can contribute falls below a floor: the estimates are
+  /// rough.
   [[nodiscard]] static float left_share(float a, float b) {
     constexpr float kFloor = 1e-4f;
     const float share = a / (a + b);
@@ -92,7 +94,8 @@ class LightTree {
 };
 
 template <typename Exact>
-std::optional<LightTree::Pick> LightTree::sample(const Receiver& receiver, float u, const Exact& exact) const {
+std::optional<LightTree::Pick> LightTree::sample(const Receiver& receiver, float u,
+                                                 const Exact& exact) const {
   if (nodes_.empty() || !(importance_of(nodes_[0], receiver, exact) > 0.0f)) return std::nullopt;
   std::uint32_t index = 0;
   float chosen = 1.0f;

@@ -17,55 +17,69 @@ namespace pf {
 
 /// A sample of light arriving at a point (next-event estimation).
 struct LightSample {
-  Vec3f wi{0, 0, 1};           ///< unit, towards the light
-  float distance = 0;          ///< metres to the sampled point; kInfinity for directional lights and environment
-  Rgb radiance{0, 0, 0};       ///< Le, or I/d^2 respectively E for delta lights (then pdf_w counts only the choice)
-  float pdf_w = 0;             ///< per steradian, probability of choosing this light included
-  bool delta = false;          ///< point, spot, directional: no other technique can find it
+  Vec3f wi{0, 0, 1};      ///< unit, towards the light
+  float distance = 0;     ///< metres to the sampled point; kInfinity for directional lights and environment
+  Rgb radiance{0, 0, 0};  ///< Le; of a delta light I/d^2 or E, and pdf_w then counts only the choice
+  float pdf_w = 0;        ///< per steradian, probability of choosing this light included
+  bool delta = false;     ///< point, spot, directional: no other technique can find it
 };
 
 /// The start of a photon path.
 struct Emission {
-  Vec3f origin{0, 0, 0};       ///< on the light (already offset off the surface), or on a disc outside the scene
-  Vec3f direction{0, 0, 1};    ///< unit
-  Rgb flux{0, 0, 0};           ///< W carried by the path if it were the only one: emitted radiance * cos / pdf
+  Vec3f origin{0, 0, 0};  ///< on the light (already offset off the surface), or on a disc outside the scene
+  Vec3f direction{0, 0, 1};  ///< unit
+  Rgb flux{0, 0, 0};         ///< W carried by the path if it were the only one: emitted radiance * cos / pdf
   /// For figures per light: the triangle's index; then come the punctual lights, and last the environment.
   std::uint32_t light = 0;
 };
 
 /// Every light of a scene: emissive triangles, punctual lights, environment.
-/// Choice for next-event estimation is by estimated contribution at the point: a light tree with orientation cones
-/// [Conty Estevez and Kulla 2018; pbrt-v4 12.6.3]. Choice for emission is by flux.
+/// Choice for next-event estimation is by estimated contribution at the point: a light tree with orientation
+/// cones [Conty Estevez and Kulla 2018; pbrt-v4 12.6.3]. Choice for emission is by flux.
 class Lights {
  public:
-  /// `triangles`: all emissive triangles. `bounds`: of the scene (disc for directional lights and environment).
-  /// `environment` may be null, and must outlive this.
-  Lights(std::vector<EmissiveTriangle> triangles, std::vector<PunctualLight> punctual, const EnvironmentMap* environment,
-         const Box3f& bounds);
+  /// `triangles`: all emissive triangles. `bounds`: of the scene (disc for directional lights and
+  /// environment). `environment` may be null, and must outlive this.
+  Lights(std::vector<EmissiveTriangle> triangles, std::vector<PunctualLight> punctual,
+         const EnvironmentMap* environment, const Box3f& bounds);
 
   /// Samples light arriving at `p` on a surface with normal `n` (both hemispheres count when `transmissive`).
-  /// Occlusion is the caller's. Empty when this sample contributes nothing. For a triangle, radiance is that of the
-  /// triangle (its textured value: the caller multiplies, see triangle()). Numbers in [0, 1).
-  struct Picked { LightSample sample; std::int32_t triangle = -1; Vec2f barycentric{0.0f, 0.0f}; };
+  /// Occlusion is the caller's. Empty when this sample contributes nothing. For a triangle, radiance is that
+  /// of the triangle (its textured value: the caller multiplies, see triangle()). Numbers in [0, 1).
+  struct Picked {
+    LightSample sample;
+    std::int32_t triangle = -1;
+    Vec2f barycentric{0.0f, 0.0f};
+  };
   [[nodiscard]] std::optional<Picked> sample(const Vec3f& p, const Vec3f& n, bool transmissive, float u_pick,
                                              const Vec2f& u) const;
-  /// Density per steradian with which sample() from (p, n) returns the point `q` of emissive triangle `index`.
-  [[nodiscard]] float pdf_w(const Vec3f& p, const Vec3f& n, bool transmissive, std::uint32_t index, const Vec3f& q) const;
+  /// Density per steradian with which sample() from (p, n) returns the point `q` of emissive triangle
+  /// `index`.
+  [[nodiscard]] float pdf_w(const Vec3f& p, const Vec3f& n, bool transmissive, std::uint32_t index,
+                            const Vec3f& q) const;
   /// Same for the environment in direction `wi`.
-  [[nodiscard]] float pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissive, const Vec3f& wi) const;
+  [[nodiscard]] float pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissive,
+                                        const Vec3f& wi) const;
 
-  /// Starts a photon path: u_pick chooses the light by flux, `u_position` and `u_direction` the ray. Empty only when no
-  /// light emits anything.
-  struct EmissionPicked { Emission emission; std::int32_t triangle = -1; Vec2f barycentric{0.0f, 0.0f}; };
-  [[nodiscard]] std::optional<EmissionPicked> emit(float u_pick, const Vec2f& u_position, const Vec2f& u_direction) const;
+  /// Starts a photon path: u_pick chooses the light by flux, `u_position` and `u_direction` the ray. Empty
+  /// only when no light emits anything.
+  struct EmissionPicked {
+    Emission emission;
+    std::int32_t triangle = -1;
+    Vec2f barycentric{0.0f, 0.0f};
+  };
+  [[nodiscard]] std::optional<EmissionPicked> emit(float u_pick, const Vec2f& u_position,
+                                                   const Vec2f& u_direction) const;
 
-  /// Sum over all lights of the emitted flux [W] (into the scene's bounds for directional lights and environment).
+  /// Sum over all lights of the emitted flux [W] (into the scene's bounds for directional lights and
+  /// environment).
   [[nodiscard]] const Rgb& total_flux() const { return total_flux_; }
   [[nodiscard]] const EmissiveTriangle& triangle(std::uint32_t index) const { return triangles_[index]; }
   [[nodiscard]] std::size_t triangle_count() const { return triangles_.size(); }
   [[nodiscard]] std::size_t punctual_count() const { return punctual_.size(); }
   [[nodiscard]] bool empty() const;
-  /// Emitters that next-event estimation chooses among: triangles, or pairs of them that make a parallelogram.
+  /// Emitters that next-event estimation chooses among: triangles, or pairs of them that make a
+  /// parallelogram.
   [[nodiscard]] const std::vector<AreaLight>& area_lights() const { return area_lights_; }
 
  private:
@@ -78,13 +92,16 @@ class Lights {
   [[nodiscard]] float tree_importance(const Receiver& receiver) const;
   [[nodiscard]] float directional_importance(const Receiver& receiver, std::uint32_t light) const;
   [[nodiscard]] float environment_importance() const;
-  [[nodiscard]] std::optional<Picked> sample_tree(const Receiver& receiver, float u_pick, const Vec2f& u) const;
-  [[nodiscard]] std::optional<Picked> sample_area(const Receiver& receiver, std::uint32_t leaf, const Vec2f& u) const;
+  [[nodiscard]] std::optional<Picked> sample_tree(const Receiver& receiver, float u_pick,
+                                                  const Vec2f& u) const;
+  [[nodiscard]] std::optional<Picked> sample_area(const Receiver& receiver, std::uint32_t leaf,
+                                                  const Vec2f& u) const;
   [[nodiscard]] std::optional<Picked> sample_punctual(const Receiver& receiver, std::uint32_t light) const;
   [[nodiscard]] std::optional<Picked> sample_environment(const Receiver& receiver, const Vec2f& u) const;
   [[nodiscard]] EmissionPicked emit_area(std::uint32_t light, float u_side, const Vec2f& u_position,
                                          const Vec2f& u_direction) const;
-  [[nodiscard]] EmissionPicked emit_distant(const Vec3f& direction, const Rgb& flux, const Vec2f& u_position) const;
+  [[nodiscard]] EmissionPicked emit_distant(const Vec3f& direction, const Rgb& flux,
+                                            const Vec2f& u_position) const;
 
   std::vector<EmissiveTriangle> triangles_;
   std::vector<PunctualLight> punctual_;
@@ -95,9 +112,9 @@ class Lights {
   std::vector<std::uint32_t> near_punctual_;          ///< point and spot lights: leaves after the area lights
   std::vector<std::uint32_t> directional_;
   LightTree tree_;
-  Distribution1D emission_;                           ///< area lights, punctual lights, environment; by flux
+  Distribution1D emission_;  ///< area lights, punctual lights, environment; by flux
   std::vector<Rgb> emission_flux_;
-  Vec3f center_{0, 0, 0};                             ///< sphere around the scene
+  Vec3f center_{0, 0, 0};  ///< sphere around the scene
   float radius_ = 0;
 };
 

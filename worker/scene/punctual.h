@@ -5,8 +5,9 @@
 
 namespace pf {
 
-/// Angular part of a spot light [KHR_lights_punctual, "Inner and Outer Cone Angles"]: with c the cosine of the angle to the
-/// axis, f(c) = saturate((c - cos_outer) * scale)^2, scale = 1 / max(0.001, cos_inner - cos_outer).
+/// Angular part of a spot light [KHR_lights_punctual, "Inner and Outer Cone Angles"]: with c the cosine of
+/// the angle to the axis, f(c) = saturate((c - cos_outer) * scale)^2, scale = 1 / max(0.001, cos_inner -
+/// cos_outer).
 class SpotCone {
  public:
   explicit SpotCone(const PunctualLight& light);
@@ -20,7 +21,7 @@ class SpotCone {
   double cos_outer_ = 0, width_ = 1;  ///< f rises from 0 to 1 over `width` of cosine
   double ramp_ = 1;                   ///< part of `width` that lies below cosine 1
   float solid_angle_ = 0;
-  double flat_share_ = 0;             ///< share of the flux where f = 1
+  double flat_share_ = 0;  ///< share of the flux where f = 1
 };
 
 /// Radiant intensity [W/sr] of a point or spot light in unit direction `d` away from it.

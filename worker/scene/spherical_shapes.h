@@ -6,8 +6,8 @@
 
 namespace pf {
 
-/// Sampling of flat shapes uniformly by the solid angle under which a point sees them. In double: the angles of a
-/// spherical polygon cancel to its area.
+/// Sampling of flat shapes uniformly by the solid angle under which a point sees them. In double: the angles
+/// of a spherical polygon cancel to its area.
 
 using Vec3d = Imath::V3d;
 
@@ -15,12 +15,13 @@ using Vec3d = Imath::V3d;
 /// [Van Oosterom and Strackee 1983, eq. 8]. 0 where the origin lies in its plane.
 [[nodiscard]] double triangle_solid_angle(const Vec3d& a, const Vec3d& b, const Vec3d& c);
 
-/// Unit direction, uniform over the triangle's solid angle: u.x cuts off a part of the area next to side ab, u.y goes
-/// along the cut [Arvo 1995, "Stratified Sampling of Spherical Triangles"; the algebra of pbrt-v4 6.5.4].
+/// Unit direction, uniform over the triangle's solid angle: u.x cuts off a part of the area next to side ab,
+/// u.y goes along the cut [Arvo 1995, "Stratified Sampling of Spherical Triangles"; the algebra of
+/// pbrt-v4 6.5.4].
 [[nodiscard]] Vec3d sample_spherical_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec2f& u);
 
-/// A rectangle seen from the origin [Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-/// Rectangles", listings 1 and 2].
+/// A rectangle seen from the origin [Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for
+/// Spherical Rectangles", listings 1 and 2].
 class SphericalRectangle {
  public:
   /// Corner and the two edges that start there (at right angles).

@@ -18,8 +18,8 @@ namespace {
 
 std::size_t blocks(std::size_t texels) { return (texels + 3) / 4; }
 
-/// Maps `bytes` of a new file without a name in the temporary folder. The room is taken at once: a disk that fills up
-/// later would end the process by a signal. Null on failure, with errno set.
+/// Maps `bytes` of a new file without a name in the temporary folder. The room is taken at once: a disk that
+/// fills up later would end the process by a signal. Null on failure, with errno set.
 std::uint8_t* map_temporary_file(const std::filesystem::path& folder, std::size_t bytes) {
   int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (file < 0) {  // a file system without O_TMPFILE
@@ -50,7 +50,8 @@ std::size_t TexturePixels::bytes(const PixelLayout& layout) {
   return blocks(layout.width) * blocks(layout.height) * 16 * layout.channels * layout.bytes_per_channel;
 }
 
-Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in_memory, const std::string& name) {
+Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in_memory,
+                                              const std::string& name) {
   TexturePixels result;
   result.layout_ = layout;
   result.blocks_per_row_ = blocks(layout.width);
@@ -67,8 +68,9 @@ Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in
   const auto folder = std::filesystem::temp_directory_path(ignored);
   result.data_ = {map_temporary_file(folder, size), Release{size}};
   if (!result.data_) {
-    return fail(ErrorKind::kInternal, fmt::format("{}: no room for {} MiB of texels in {}: {}", name, size >> 20,
-                                                  folder.string(), std::generic_category().message(errno)));
+    return fail(ErrorKind::kInternal,
+                fmt::format("{}: no room for {} MiB of texels in {}: {}", name, size >> 20, folder.string(),
+                            std::generic_category().message(errno)));
   }
   return result;
 }

@@ -11,11 +11,12 @@
 
 namespace pf {
 
-/// Texels of one image in the encoding of its file, in blocks of 4 x 4, so that the four texels of a bilinear lookup lie
-/// in one or two cache lines most of the time.
+/// Texels of one image in the encoding of its file, in blocks of 4 x 4, so that the four texels of a bilinear
+/// lookup lie in one or two cache lines most of the time.
 class TexturePixels {
  public:
-  /// Room for an image: in memory, or in an unlinked temporary file that is mapped to memory. Errors: kInternal.
+  /// Room for an image: in memory, or in an unlinked temporary file that is mapped to memory. Errors:
+  /// kInternal.
   [[nodiscard]] static Result<TexturePixels> allocate(const PixelLayout& layout, bool in_memory,
                                                       const std::string& name);
   /// Bytes that an image takes.
@@ -23,7 +24,9 @@ class TexturePixels {
 
   void set_row(std::size_t y, std::span<const std::uint8_t> row);
   /// First byte of a texel: layout().channels values of layout().bytes_per_channel bytes.
-  [[nodiscard]] const std::uint8_t* texel(std::size_t x, std::size_t y) const { return data_.get() + offset(x, y); }
+  [[nodiscard]] const std::uint8_t* texel(std::size_t x, std::size_t y) const {
+    return data_.get() + offset(x, y);
+  }
   [[nodiscard]] const PixelLayout& layout() const { return layout_; }
 
  private:
