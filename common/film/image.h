@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -10,8 +12,8 @@
 
 namespace pf {
 
-/// One layer of an image: `channels.size()` floats a pixel, interleaved, row by row from the top. In the EXR the
-/// channels are called `<name>.<channel>`; the layer with the empty name (beauty) has plain R, G, B.
+/// One layer of an image: `channels.size()` floats a pixel, interleaved, row by row from the top. In the EXR
+/// the channels are called `<name>.<channel>`; the layer with the empty name (beauty) has plain R, G, B.
 struct Layer {
   std::string name;
   std::vector<std::string> channels;
@@ -28,13 +30,31 @@ struct LayeredImage {
   [[nodiscard]] const Layer* find(const std::string& name) const;
 };
 
+/// Largest edge and largest number of floats of an image that read_exr accepts; checked before pixels are
+/// allocated.
+inline constexpr int kMaxImageEdge = 1 << 16;
+inline constexpr std::uint64_t kMaxImageFloats = std::uint64_t{1} << 29;
+
 /// Writes a 32-bit float multi-layer EXR (ZIP) atomically: a crash or a full disk leaves the old file.
+/// Errors: kInternal.
 [[nodiscard]] Result<void> write_exr(const std::filesystem::path& file, const LayeredImage& image);
-/// Reads any scan-line or tiled RGB(A)/layered EXR (first part), display window respected: pixels of the data window
-/// outside the display window are cut, missing ones are 0. Errors: kInvalidInput naming the file.
+/// Reads any scan-line or tiled RGB(A)/layered EXR (first part), display window respected: pixels of the data
+/// window outside the display window are cut, missing ones are 0. Layers come with the beauty first, then by
+/// name; channels in the order R, G, B, then by name, then A. Luminance-chroma files (Y, RY, BY) become R, G,
+/// B of half precision. Deep data, and subsampled channels of other names, are refused. Errors: kInvalidInput
+/// naming the file.
 [[nodiscard]] Result<LayeredImage> read_exr(const std::filesystem::path& file);
-/// Writes the beauty as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve. Atomic.
+
+/// The colours of a layer that has channels R, G and B, or of a grey one with Y alone. Errors: kInvalidInput,
+/// without the file's name.
+[[nodiscard]] Result<std::vector<Rgb>> rgb_pixels(const Layer& layer);
+
+/// Writes the beauty as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve. Atomic. A
+/// pixel with a NaN becomes magenta, so that it is seen. Errors: kInternal.
 [[nodiscard]] Result<void> write_png(const std::filesystem::path& file, int width, int height,
                                      const std::vector<Rgb>& beauty, float exposure_stops);
+/// Writes sRGB-encoded bytes, three a pixel, as PNG. Atomic. Errors: kInternal.
+[[nodiscard]] Result<void> write_png(const std::filesystem::path& file, int width, int height,
+                                     std::span<const std::uint8_t> rgb);
 
 }  // namespace pf
