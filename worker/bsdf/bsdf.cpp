@@ -47,8 +47,9 @@ Rgb Bsdf::albedo(Portion portion) const {
   if (is_black_) return Rgb(0.0f);
   if (!layered_) return portion == Portion::kFollow ? Rgb(0.0f) : lambert_albedo_;
   Rgb sum(0.0f);
-  for (int lobe = 0; lobe < kLobes; ++lobe)
+  for (int lobe = 0; lobe < kLobes; ++lobe) {
     sum += layers_.albedo[lobe] * share(static_cast<Lobe>(lobe), portion);
+  }
   return {std::min(sum.x, 1.0f), std::min(sum.y, 1.0f), std::min(sum.z, 1.0f)};
 }
 
@@ -144,8 +145,8 @@ BsdfValue Bsdf::evaluate(const Vec3f& wi, Transport mode, Portion portion) const
   const Layers& l = layers_;
   const Vec3f local = shading_.to_local(wi);
   const float wi_ng = dot(wi, ng_);
-  if (!((local.z > 0.0f && wi_ng > 0.0f) || (local.z < 0.0f && wi_ng < 0.0f)))
-    return {};  // the normals disagree
+  const bool sides_agree = (local.z > 0.0f && wi_ng > 0.0f) || (local.z < 0.0f && wi_ng < 0.0f);
+  if (!sides_agree) return {};
   const PerLobe p = probabilities(portion);
   const Scales scale = scales(local.z, wi);
   BsdfValue sum = evaluate_base(local, mode, portion, p);
@@ -187,7 +188,7 @@ std::optional<BsdfSample> Bsdf::sample(const Vec3f&, float u_lobe, const Vec2f& 
       const Vec3f h = mirror ? Vec3f(0.0f, 0.0f, 1.0f) : Ggx{l.coat.alpha}.sample(l.coat.wo, u);
       const Vec3f wi = normalize(l.coat.frame.to_world(h * (2.0f * dot(l.coat.wo, h)) - l.coat.wo));
       if (!mirror) return finish(wi, false, kCoat, mode, portion);
-      return finish_delta(wi, l.albedo[kCoat] * (1.0f / p[kCoat]), false, 1.0f, mode);
+      return finish_delta(wi, l.albedo[kCoat] * (1.0f / p[kCoat]), false, l.coat.frame.n, mode);
     }
     case kInterface: {
       const float u_choice = std::clamp((u_lobe - below) / p[kInterface], 0.0f, kOneMinusEpsilon);
@@ -195,7 +196,7 @@ std::optional<BsdfSample> Bsdf::sample(const Vec3f&, float u_lobe, const Vec2f& 
     }
     default: {
       const float scale = scales(l.wo.z, -wo_).base;
-      return finish_delta(-wo_, l.straight * (scale / p[kStraight]), true, 1.0f, mode);
+      return finish_delta(-wo_, l.straight * (scale / p[kStraight]), true, ng_, mode);
     }
   }
 }
@@ -226,13 +227,23 @@ std::optional<BsdfSample> Bsdf::sample_interface(float u_choice, const Vec2f& u,
   if (mode == Transport::kRadiance && drawn->transmitted && i.through == Interface::Through::kRefract) {
     weight *= 1.0f / (i.eta * i.eta);
   }
-  const float cosine_ratio = layers_.wo.z / std::max(std::abs(drawn->wi.z), 1e-9f);
-  return finish_delta(wi, weight, drawn->transmitted, cosine_ratio, mode);
+  return finish_delta(wi, weight, drawn->transmitted, shading_.n, mode);
+}
+
+float Bsdf::split_probability() const {
+  if (!layered_ || !layers_.interface.is_delta()) return 0.0f;
+  const PerLobe p = probabilities(Portion::kFollow);
+  for (int lobe = 0; lobe < kLobes; ++lobe) {
+    if (lobe != kInterface && p[lobe] > 0.0f) return 0.0f;
+  }
+  const Interface::Split split = layers_.interface.split(std::min(layers_.wo.z, 1.0f));
+  const float r = average(split.reflected), t = average(split.transmitted);
+  return r > 0.0f && t > 0.0f ? r / (r + t) : 0.0f;
 }
 
 std::optional<BsdfSample> Bsdf::finish(const Vec3f& wi, bool transmitted, Lobe lobe, Transport mode,
                                        Portion portion) const {
-  // A microfacet may reflect to below the surface: such light is lost, and is not to be taken for transmitted
+  // A microfacet may reflect to below the surface: that light is lost, and must not pass for transmitted
   // light.
   const float wi_ng = dot(wi, ng_);
   if ((wi_ng < 0.0f) != transmitted) return std::nullopt;
@@ -252,7 +263,7 @@ std::optional<BsdfSample> Bsdf::finish(const Vec3f& wi, bool transmitted, Lobe l
 }
 
 std::optional<BsdfSample> Bsdf::finish_delta(const Vec3f& wi, const Rgb& weight, bool transmitted,
-                                             float cosine_ratio, Transport mode) const {
+                                             const Vec3f& normal, Transport mode) const {
   const float wi_ng = dot(wi, ng_);
   if (!(transmitted ? wi_ng < 0.0f : wi_ng > 0.0f)) return std::nullopt;  // only with a tilted shading normal
   BsdfSample s;
@@ -262,8 +273,10 @@ std::optional<BsdfSample> Bsdf::finish_delta(const Vec3f& wi, const Rgb& weight,
   s.transmitted = transmitted;
   s.refracted = transmitted && !layers_.thin;
   s.specularity = 1.0f;
-  if (mode == Transport::kFlux && shading_.n != ng_)
-    s.weight *= cosine_ratio * std::abs(wi_ng) / dot(wo_, ng_);
+  if (mode == Transport::kFlux && normal != ng_) {
+    s.weight *=
+        dot(wo_, normal) * std::abs(wi_ng) / (dot(wo_, ng_) * std::max(std::abs(dot(wi, normal)), 1e-9f));
+  }
   return s;
 }
 

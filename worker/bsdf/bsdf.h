@@ -47,37 +47,35 @@ struct BsdfSample {
   float pdf_w = 0;  ///< per steradian, lobe choice included; 0 for a delta lobe
   bool delta = false;        ///< a Dirac lobe was sampled
   bool transmitted = false;  ///< wi lies on the other side (of ng) than wo
-  bool refracted =
-      false;              ///< transmitted into or out of a medium (not thin-walled): the medium stack changes
-  float specularity = 0;  ///< 1 - g_l of the sampled lobe: 1 mirror-like ... 0 diffuse
+  bool refracted = false;    ///< transmitted into or out of a medium (not thin-walled): its stack changes
+  float specularity = 0;     ///< 1 - g_l of the sampled lobe: 1 mirror-like ... 0 diffuse
 };
 
-/// Scattering at one surface point: Lambert + GGX conductor/dielectric (rough, smooth, thin or refracting) +
-/// clearcoat
-/// + sheen, layered as the glTF 2.0 material model and its KHR extensions say. All directions are
-/// world-space, unit, and point away from the surface. Built on the stack per hit; cheap for pure Lambert.
+/// Scattering at one surface point: Lambert, GGX conductor and dielectric (rough, smooth, thin or
+/// refracting), clearcoat and sheen, layered as the glTF 2.0 material model and its KHR extensions say. All
+/// directions are world-space, unit, and point away from the surface. Built on the stack per hit; cheap for
+/// pure Lambert.
 ///
-/// The model, with m = metallic, t = transmission, c and s the factors of clearcoat and sheen:
-///   coat c over (sheen s over [m metal + (1-m) ((1-t) (dielectric over Lambert) + t transmissive
-///   dielectric)])
-/// - Metal and opaque dielectric: GGX with Schlick's Fresnel; F0, F90 from base colour, ior and
-/// KHR_materials_specular.
-/// - What the opaque dielectric leaves to Lambert is rho (1-E(wo)) (1-E(wi)) / (1 - mean E), E its
-/// directional albedo
-///   [Kelemen and Szirmay-Kalos 2001]: unlike glTF's 1 - F(wo.h) this is reciprocal, and keeps all energy.
-/// - Transmissive part: exact Fresnel. Refracting: base colour tints once per crossing, so twice for a body
-/// that is
-///   entered and left. Thin-walled: one crossing is both faces, reflecting 2R/(1+R), tinted once.
+/// From the top, with m = metallic, t = transmission:
+///   clearcoat, over sheen, over a mix of metal (m), dielectric over Lambert ((1-m)(1-t)) and transmissive
+///   dielectric ((1-m) t).
+///
+/// - Metal and opaque dielectric: GGX with Schlick's Fresnel; F0 and F90 from base colour, ior and
+///   KHR_materials_specular.
+/// - The opaque dielectric leaves rho (1-E(wo)) (1-E(wi)) / (1 - mean E) to Lambert, E being its directional
+///   albedo [Kelemen and Szirmay-Kalos 2001]. Unlike glTF's 1 - F(wo.h) this is reciprocal and keeps all
+///   energy.
+/// - Transmissive dielectric: exact Fresnel. Refracting: base colour tints once per crossing, so twice for a
+///   body that is entered and left. Thin-walled: one crossing is both faces, reflects 2R/(1+R), tints once.
 /// - Equal indices on both sides: no reflection, light goes straight on.
 /// - Sheen and coat scale what lies below by min(1 - E(wo), 1 - E(wi)): reciprocal, and never above 1 in sum.
-/// For the
-///   coat glTF has 1 - F(wo.n) only, which is the same up to the choice of the smaller one.
+///   glTF's coat has 1 - F(wo.n) alone.
 /// - Every layer works from both sides.
 ///
 /// Sides: wo is above; wi is above when wi.ng > 0. Where wi.ns says otherwise the BSDF is zero, so that no
-/// light leaks through; for Lambert under a shading normal tilted by d this loses (1 - cos d) / 2 (0.8 % at
-/// 10 degrees). A shading normal that wo sees from below, or that would mirror wo into the surface, is turned
-/// just far enough towards wo.
+/// light leaks through. A shading normal tilted by d then costs (1 - cos d) / 2 of Lambert (0.8 % at 10
+/// degrees), and of the flux, not the radiance, of a mirror (1 - cos 2d) / 2. A shading normal that wo sees
+/// from below, or that would mirror wo into the surface, is turned just far enough towards wo.
 class Bsdf {
  public:
   /// `wo` fixes which side is up. Never fails: impossible input gives a BSDF that is zero.
@@ -88,8 +86,8 @@ class Bsdf {
   /// f(wo, wi) in 1/sr of the non-delta lobes, without the cosine. At a refraction, with wo in the medium of
   /// index eta_i and wi in that of eta_t: kFlux gives the f that conserves flux (f / eta_t^2 is symmetric);
   /// kRadiance gives (eta_i/eta_t)^2 times that. The shading-normal correction is in neither: it belongs to
-  /// the cosines, and is part of sample().weight alone. For all arguments f(wo, wi, kRadiance) = f(wi, wo,
-  /// kFlux).
+  /// the cosines, and is part of sample().weight alone. f(wo, wi, kRadiance) = f(wi, wo, kFlux) wherever
+  /// neither direction turns the shading normal.
   [[nodiscard]] Rgb eval(const Vec3f& wo, const Vec3f& wi, Transport mode,
                          Portion portion = Portion::kAll) const;
   /// Density per steradian with which sample() of the same portion returns the non-delta direction wi.
@@ -102,6 +100,9 @@ class Bsdf {
   /// Approximate directional-hemispherical albedo of a portion, seen from wo (delta lobes included), in
   /// [0,1]; for choosing, never for shading.
   [[nodiscard]] Rgb albedo(Portion portion) const;
+  /// For a smooth boundary that both reflects and transmits and has no other lobe to follow: the part of u_lobe's interval,
+  /// from 0 on, in which sample() reflects. A path may then be split in two with these weights. Otherwise 0.
+  [[nodiscard]] float split_probability() const;
   /// Share g of a GGX lobe of width `alpha` that is gathered from photons instead of followed: smoothstep in
   /// perceptual roughness sqrt(alpha), 0 up to alpha = 0.01 and 1 from alpha = 0.5. A density estimate of a
   /// lobe of solid angle about pi alpha^2 uses only that part of the photons found, so it is noise for narrow
@@ -143,7 +144,6 @@ class Bsdf {
     PerLobe choice;                  ///< weight of choosing each lobe, not normalised
   };
 
-  void orient(const SurfaceParams& p, const Vec3f& wo, bool specular);
   void build_layers(const SurfaceParams& p, const Vec3f& wo);
   void build_base(const SurfaceParams& p);
   void build_coat(const SurfaceParams& p, const Vec3f& wo);
@@ -170,7 +170,7 @@ class Bsdf {
   [[nodiscard]] std::optional<BsdfSample> finish(const Vec3f& wi, bool transmitted, Lobe lobe, Transport mode,
                                                  Portion portion) const;
   [[nodiscard]] std::optional<BsdfSample> finish_delta(const Vec3f& wi, const Rgb& weight, bool transmitted,
-                                                       float cosine_ratio, Transport mode) const;
+                                                       const Vec3f& normal, Transport mode) const;
 
   Vec3f ng_;
   Frame shading_;

@@ -196,6 +196,29 @@ TEST(BsdfTransport, FurnaceOfTiltedNormalsKeepsItsEnergy) {
   }
 }
 
+TEST(BsdfTransport, SmoothLobesCarryTheCorrectionOfTheirOwnNormal) {
+  SurfaceParams p = coated(lambert(Rgb(1.0f)), 0.0f);
+  p.clearcoat_ns = tilted(p, 12.0f).ns;
+  for (const SurfaceParams& surface : {p, tilted(metal(0.0f), 12.0f), tilted(glass(0.0f), 12.0f)}) {
+    const Vec3f wo = at_angle(40.0f);
+    const Vec3f n = surface.clearcoat > 0.0f ? surface.clearcoat_ns : surface.ns;
+    const Bsdf bsdf(surface, wo);
+    int seen = 0;
+    for (int i = 0; i < 200; ++i) {
+      const float u = (static_cast<float>(i) + 0.5f) / 200.0f;
+      const auto radiance = bsdf.sample(wo, u, {0.4f, 0.7f}, Transport::kRadiance);
+      const auto flux = bsdf.sample(wo, u, {0.4f, 0.7f}, Transport::kFlux);
+      if (!flux || !flux->delta) continue;
+      const Vec3f& wi = flux->wi;
+      const float veach = std::abs(dot(wo, n) * wi.z / (wo.z * dot(wi, n)));
+      const float scale = flux->transmitted ? 1.5f * 1.5f : 1.0f;
+      EXPECT_NEAR(flux->weight.x, radiance->weight.x * veach * scale, 1e-5f);
+      ++seen;
+    }
+    EXPECT_GT(seen, 5);
+  }
+}
+
 TEST(BsdfTransport, NoLightLeaksWhereTheNormalsDisagree) {
   Random random(14);
   for (const NamedMaterial& m : all_materials()) {
