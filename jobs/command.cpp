@@ -101,6 +101,7 @@ int run_photonfarm(const Context& context, const Arguments& arguments) {
     if (name == command.name) return command.run(context, Arguments(arguments.begin() + 1, arguments.end()));
   }
   std::vector<std::string_view> names;
+  names.reserve(kCommands.size());
   for (const Command& command : kCommands) names.push_back(command.name);
   std::string message = fmt::format("unknown {} '{}'", name.starts_with('-') ? "option" : "command", name);
   if (const auto near = nearest_name(name, std::span<const std::string_view>(names))) {

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <system_error>
 #include <utility>
 
 #include <sched.h>
@@ -81,22 +83,24 @@ Check check_worker(const std::filesystem::path& program, const std::string& buil
     return bad(fmt::format("{} does not exist", program.string()),
                "build or install photonfarm-worker beside photonfarm");
   }
-  const Result<CapturedProcess> run = run_and_capture(program, {"--build-id"}, kWorkerSeconds);
+  const Result<CapturedProcess> run = run_and_capture(program, {"--version"}, kWorkerSeconds);
   if (!run) return bad(run.error().message, "build or install photonfarm-worker again");
   if (run->end.signal != 0) {
-    return bad(fmt::format("killed by signal {} ({})", run->end.signal, strsignal(run->end.signal)),
+    return bad(fmt::format("killed by signal {} ({})", run->end.signal, sigdescr_np(run->end.signal)),
                "build or install photonfarm-worker again");
   }
   if (run->end.exit_code != 0) {
-    return bad(fmt::format("--build-id ended with exit code {}", run->end.exit_code),
+    return bad(fmt::format("--version ended with exit code {}", run->end.exit_code),
                "a library may be missing: run deploy/install");
   }
-  std::string answer = run->output.substr(0, run->output.find('\n'));
+  // `photonfarm-worker BUILD_ID`
+  const std::string line = run->output.substr(0, run->output.find('\n'));
+  const std::string answer = line.substr(line.rfind(' ') + 1);
   if (answer != build_id) {
     return bad(fmt::format("its build is {}, this is {}", answer, build_id),
                "build or install both together");
   }
-  return {"worker", Health::kOk, std::move(answer), ""};
+  return {"worker", Health::kOk, answer, ""};
 }
 
 Check check_nats(const std::string& search_path) {
@@ -121,7 +125,8 @@ Check check_writable(std::string name, const std::filesystem::path& folder) {
     unlink(file.c_str());
   }
   if (error == 0) return {std::move(name), Health::kOk, fmt::format("{} is writable", folder.string()), ""};
-  return {std::move(name), Health::kBad, fmt::format("{}: {}", existing.string(), std::strerror(error)),
+  return {std::move(name), Health::kBad,
+          fmt::format("{}: {}", existing.string(), std::generic_category().message(error)),
           "make the folder writable, or choose another"};
 }
 

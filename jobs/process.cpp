@@ -5,8 +5,8 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstring>
 #include <sstream>
+#include <system_error>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -32,7 +32,7 @@ std::vector<char*> make_argv(std::string& program, std::vector<std::string>& arg
 
 tl::unexpected<Error> cannot_start(const std::string& program, int error) {
   return fail(ErrorKind::kUnavailable,
-              fmt::format("{}: cannot be started: {}", program, std::strerror(error)));
+              fmt::format("{}: cannot be started: {}", program, std::generic_category().message(error)));
 }
 
 ProcessEnd end_of(int status) {
@@ -46,13 +46,13 @@ class BlockedSignals {
   explicit BlockedSignals(std::initializer_list<int> signals) {
     sigemptyset(&blocked_);
     for (const int signal : signals) sigaddset(&blocked_, signal);
-    sigprocmask(SIG_BLOCK, &blocked_, &before_);
+    pthread_sigmask(SIG_BLOCK, &blocked_, &before_);
   }
   ~BlockedSignals() { restore(); }
   BlockedSignals(const BlockedSignals&) = delete;
   BlockedSignals& operator=(const BlockedSignals&) = delete;
 
-  void restore() const { sigprocmask(SIG_SETMASK, &before_, nullptr); }
+  void restore() const { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
   [[nodiscard]] siginfo_t wait() const {
     siginfo_t info{};
     while (sigwaitinfo(&blocked_, &info) < 0) {
@@ -158,7 +158,7 @@ std::filesystem::path find_program(const std::string& name, const std::string& s
   std::istringstream folders(search_path);
   std::string folder;
   while (std::getline(folders, folder, ':')) {
-    const std::filesystem::path candidate = std::filesystem::path(folder.empty() ? "." : folder) / name;
+    std::filesystem::path candidate = std::filesystem::path(folder.empty() ? "." : folder) / name;
     std::error_code ignored;
     if (std::filesystem::is_regular_file(candidate, ignored) && access(candidate.c_str(), X_OK) == 0)
       return candidate;

@@ -35,7 +35,7 @@ int run_in_worker(const Context& context, std::string_view command, const Argume
   if (end->signal == 0) return end->exit_code;
   if (end->signal == SIGINT) return exit_code(ErrorKind::kInterrupted);
   context.err << fmt::format("photonfarm {}: photonfarm-worker was killed by signal {} ({}){}\n", command,
-                             end->signal, strsignal(end->signal), hint_for(end->signal));
+                             end->signal, sigdescr_np(end->signal), hint_for(end->signal));
   return exit_code(ErrorKind::kInternal);
 }
 

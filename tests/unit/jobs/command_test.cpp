@@ -135,7 +135,7 @@ TEST_F(PhotonfarmCommand, PassesASignalOnToTheWorker) {
 }
 
 TEST_F(PhotonfarmCommand, DoctorPrintsJsonAndNothingElse) {
-  worker("[ \"$1\" = --build-id ] && echo '" + std::string(kBuildId) + "'");
+  worker("[ \"$1\" = --version ] && echo 'photonfarm-worker " + std::string(kBuildId) + "'");
   const int code = run({"doctor", "--json"});
   const nlohmann::json report = nlohmann::json::parse(out_.str());
   EXPECT_EQ(code, report["ok"] == true ? 0 : 5);
