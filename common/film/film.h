@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/film/image.h"
+#include "common/film/progressive.h"
+#include "common/film/statistics.h"
+
+namespace pf {
+
+/// How pixel sums become radiance.
+enum class Estimator : std::uint8_t {
+  kPath,         ///< mean of radiance samples
+  kShared,       ///< progressive photon mapping, radii shared by the sub-passes of a round
+  kIndependent   ///< photon mapping averaged over sub-passes of shrinking, preset radii
+};
+
+struct FilmOptions {
+  int width = 0;
+  int height = 0;
+  Estimator estimator = Estimator::kPath;
+  SumScale scale;
+  double alpha = 2.0 / 3.0;
+  double round_growth = 0.25;
+};
+
+/// The state of one progressive image: what single node and coordinator both hold, update and save.
+class Film {
+ public:
+  explicit Film(const FilmOptions& options);
+
+  /// Radii of the open round (kShared) or of sub-pass 0 (kIndependent), per pixel and flow.
+  [[nodiscard]] const std::vector<ProgressivePixel>& state() const { return state_; }
+  [[nodiscard]] std::vector<ProgressivePixel>& state() { return state_; }
+  [[nodiscard]] bool has_radii() const { return has_radii_; }
+  void set_initial_radii(std::vector<ProgressivePixel> state);
+
+  [[nodiscard]] std::uint64_t sub_passes() const { return sums_.sub_passes; }
+  [[nodiscard]] std::uint64_t round_begin() const { return round_begin_; }
+  [[nodiscard]] std::uint64_t round_end() const { return round_begin_ + round_size(round_begin_, options_.round_growth); }
+  [[nodiscard]] std::uint64_t rounds() const { return rounds_; }
+  [[nodiscard]] const FilmOptions& options() const { return options_; }
+
+  /// Where an integrator adds its sub-passes; they must lie inside the open round and be complete.
+  [[nodiscard]] Statistics& sums() { return sums_; }
+  [[nodiscard]] const Statistics& sums() const { return sums_; }
+  /// The barrier: when the open round is complete, folds its flow into the state and opens the next one.
+  void close_round_if_complete();
+
+  /// The image so far. An open round is folded in tentatively: nothing changes.
+  [[nodiscard]] LayeredImage image() const;
+  /// Estimated square root of the mean relative squared error (variance only), as compare's relMSE weighs it.
+  [[nodiscard]] double estimated_error() const;
+
+  /// Checkpoints: exact, whatever the moment; `identity` names job and scene and must match when read back.
+  [[nodiscard]] Result<void> save(const std::filesystem::path& file, const std::string& identity) const;
+  [[nodiscard]] static Result<Film> load(const std::filesystem::path& file, const std::string& identity);
+
+ private:
+  [[nodiscard]] FlowState closed(std::size_t pixel, Flow flow) const;
+  [[nodiscard]] Rgb flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const;
+
+  FilmOptions options_;
+  std::vector<ProgressivePixel> state_;
+  Statistics sums_;
+  std::uint64_t round_begin_ = 0;
+  std::uint64_t rounds_ = 0;
+  bool has_radii_ = false;
+};
+
+}  // namespace pf

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/math/vec.h"
+
+namespace pf {
+
+/// Photons are kept apart by what they did since the light: `kCaustic` met only specular surfaces (L S+ D), `kIndirect`
+/// all others that count (direct light is sampled from the eye). Each flow has its own radius: a narrow one for the
+/// caustic's edge, a wide one for smooth indirect light.
+enum Flow : std::size_t { kCaustic = 0, kIndirect = 1, kFlows = 2 };
+
+/// One pixel of a result: sums over sub-passes as exact integers, so that adding results has no order and no grouping.
+/// What one step of each integer stands for is in SumScale.
+struct PixelSums {
+  std::array<std::int64_t, 3> direct{};                    ///< radiance: emission seen and direct light
+  std::array<std::array<std::int64_t, 3>, kFlows> flow{};  ///< flux (shared mode) or radiance (independent, path)
+  std::int64_t square = 0;                                 ///< squared luminance, for the error estimate
+  std::array<std::uint32_t, kFlows> photons{};             ///< photons found (M of the papers)
+  std::array<std::int32_t, 3> albedo{};
+  std::array<std::int32_t, 3> normal{};
+  std::int32_t depth = 0;
+  std::uint32_t features = 0;                              ///< eye samples in albedo, normal and depth
+};
+
+/// Steps of the fixed-point sums. Powers of two that follow from the scene's emitted flux and the spec alone.
+struct SumScale {
+  double radiance = 0x1p-24;    ///< W sr^-1 m^-2 per step of `direct` (and of `flow` outside shared mode)
+  double flow = 0x1p-24;        ///< per step of `flow`
+  double square = 0x1p-16;      ///< (W sr^-1 m^-2)^2 per step
+  double depth = 0x1p-20;       ///< metres per step
+  static constexpr double kUnit = 0x1p-20;  ///< step of albedo and normal
+
+  /// `mean_radiance`: emitted flux / (pi * area of the scene's bounds); `photon_flux`: flux of one photon path in W
+  /// (0 unless shared mode); `diagonal`: of the bounds in metres.
+  [[nodiscard]] static SumScale from_scene(double mean_radiance, double photon_flux, double diagonal);
+};
+
+/// Sums of albedo, normal and depth use the first eye samples only: those layers are there to guide denoisers and
+/// people, and 16 antialiased samples show all they can.
+inline constexpr std::uint64_t kFeatureSubPasses = 16;
+
+/// `value` in whole steps, rounded to nearest. Not finite or beyond 2^62 steps: false, `sum` unchanged.
+[[nodiscard]] inline bool add_quantised(std::int64_t& sum, double value, double step) {
+  const double steps = value / step;
+  if (!(std::abs(steps) < 0x1p62)) return false;
+  return !__builtin_add_overflow(sum, static_cast<std::int64_t>(std::llrint(steps)), &sum);
+}
+[[nodiscard]] inline bool add_quantised(std::array<std::int64_t, 3>& sum, const Rgb& value, double step) {
+  const bool x = add_quantised(sum[0], value.x, step);
+  const bool y = add_quantised(sum[1], value.y, step);
+  const bool z = add_quantised(sum[2], value.z, step);
+  return x && y && z;
+}
+
+/// Things that went wrong with single contributions; any of them makes the job report its cause.
+struct Faults {
+  std::uint64_t not_finite = 0;   ///< contributions that were NaN or infinite and were left out
+  std::uint64_t overflow = 0;     ///< sums beyond 63 bits
+  Faults& operator+=(const Faults& o) {
+    not_finite += o.not_finite;
+    overflow += o.overflow;
+    return *this;
+  }
+};
+
+/// Result of a work unit, or the sum of many: pixel sums and figures of the work behind them.
+struct Statistics {
+  int width = 0;
+  int height = 0;
+  std::vector<PixelSums> pixels;      ///< row by row from the top
+  std::uint64_t sub_passes = 0;
+  std::uint64_t photon_paths = 0;
+  std::uint64_t photons_stored = 0;
+  std::uint64_t rays = 0;
+  Faults faults;
+
+  Statistics() = default;
+  Statistics(int w, int h) : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  /// Adds another result of the same size. Error (kInternal) when a sum overflows.
+  [[nodiscard]] Result<void> add(const Statistics& other);
+};
+
+}  // namespace pf

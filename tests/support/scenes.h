@@ -1,0 +1,50 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/spec/job_spec.h"
+#include "worker/scene/scene.h"
+#include "worker/scene/scene_description.h"
+
+namespace pf::test {
+
+/// Builds small scenes by hand, with answers known without our code.
+class SceneMaker {
+ public:
+  SceneMaker();
+
+  /// Adds a material and returns its index.
+  int lambert(const Rgb& albedo);
+  int emitter(const Rgb& radiance, const Rgb& albedo = {0, 0, 0});
+  int mirror(const Rgb& reflectance = {1, 1, 1});
+  int metal(const Rgb& f0, float roughness);
+  int glass(float ior, const Rgb& tint = {1, 1, 1}, float roughness = 0);
+  int plastic(const Rgb& albedo, float roughness);
+  int material(const Material& m);
+
+  /// A parallelogram from `corner` along `a` and `b`; front side towards a x b.
+  void quad(const Vec3f& corner, const Vec3f& a, const Vec3f& b, int material);
+  /// Axis-aligned box; `inward` turns the front sides in.
+  void box(const Vec3f& low, const Vec3f& high, int material, bool inward = false);
+  /// Sphere of rings x 2 rings quads, vertices on the sphere, analytic normals; `inward` turns the front side in.
+  void sphere(const Vec3f& centre, float radius, int material, int rings = 64, bool inward = false);
+  /// Looks from `eye` to `target`; yfov in radians.
+  void camera(const Vec3f& eye, const Vec3f& target, float yfov);
+
+  SceneDescription description;
+  [[nodiscard]] std::unique_ptr<const Scene> build() const;
+
+ private:
+  int add(const Mesh& mesh);
+};
+
+/// The Cornell box of the peers' measurements: mirror and glass sphere under a quad light (tests/bench/README.md).
+[[nodiscard]] SceneMaker peer_box(int rings = 128);
+/// The same room with nothing but diffuse walls and a diffuse block.
+[[nodiscard]] SceneMaker diffuse_box();
+
+/// A job of the given size with defaults otherwise.
+[[nodiscard]] JobSpec job(int width, int height, IntegratorType type, std::int64_t photons = 20000);
+
+}  // namespace pf::test

@@ -1,0 +1,107 @@
+#include "worker/command_line.h"
+
+#include <ostream>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "build_id.h"
+#include "common/base/clock.h"
+#include "common/spec/job_spec.h"
+#include "worker/plan/plan.h"
+#include "worker/progress.h"
+#include "worker/render_job.h"
+
+namespace pf {
+namespace {
+
+struct Options {
+  std::string job;
+  std::vector<std::string> overrides;
+  int threads = 0;
+  std::string out = "out";
+  bool resume = false;
+  bool json = false;
+};
+
+int report_error(const WorkerContext& context, const Error& error) {
+  context.err << "photonfarm: " << error.message << '\n';
+  return exit_code(error.kind);
+}
+
+int render(const WorkerContext& context, const Options& options) {
+  auto spec = load_job(options.job, options.overrides);
+  if (!spec) return report_error(context, spec.error());
+  const SystemClock clock;
+  const auto style = context.terminal ? ProgressReporter::Style::kBar : ProgressReporter::Style::kLines;
+  ProgressReporter reporter(clock, context.err, style, context.columns);
+  Progress last;
+  const RenderRequest request{*spec, options.out, options.resume, options.threads, context.interrupted};
+  auto result = render_job(request, clock, [&](const Progress& progress) { reporter.update(last = progress); });
+  reporter.finish(last);
+  if (!result) return report_error(context, result.error());
+  for (const std::string& warning : result->warnings) context.err << "warning: " << warning << '\n';
+  if (options.json) {
+    context.out << result_json(*spec, *result);
+  } else {
+    context.out << fmt::format("{} passes, {} photon paths in {:.1f} s; estimated relative error {:.2g}\n{}\n{}\n{}\n",
+                               result->passes, short_number(static_cast<double>(result->photon_paths)),
+                               result->render_seconds, result->error, result->exr.string(), result->png.string(),
+                               result->json.string());
+  }
+  return 0;
+}
+
+int show_plan(const WorkerContext& context, const Options& options) {
+  auto spec = load_job(options.job, options.overrides);
+  if (!spec) return report_error(context, spec.error());
+  auto description = load_scene_of_job(*spec);
+  if (!description) return report_error(context, description.error());
+  const SceneFacts facts = gather_facts(*description);
+  auto plan = make_plan(*spec, facts);
+  if (!plan) return report_error(context, plan.error());
+  for (const std::string& warning : description->warnings) context.err << "warning: " << warning << '\n';
+  if (options.json) {
+    context.out << plan_json(*spec, facts, *plan).dump(2) << '\n';
+  } else {
+    context.out << plan_text(*spec, facts, *plan);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int run_worker(const WorkerContext& context, const std::vector<std::string>& arguments) {
+  Options options;
+  CLI::App app{"The renderer of photonfarm; usually run through `photonfarm render` and `photonfarm plan`.",
+               "photonfarm-worker"};
+  app.set_version_flag("--version", std::string("photonfarm-worker ") + kBuildId);
+  app.require_subcommand(1);
+  const auto add_common = [&](CLI::App& command) {
+    command.add_option("JOB", options.job, "job file (.toml or .json)")->required();
+    command.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")->take_all()->allow_extra_args(false);
+    command.add_flag("--json", options.json, "one JSON document on standard output, and nothing else there");
+  };
+  CLI::App& render_command = *app.add_subcommand("render", "render a job on this machine");
+  add_common(render_command);
+  render_command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
+  render_command.add_option("--out", options.out, "folder for <job name>.exr, .png and .json")->capture_default_str();
+  render_command.add_flag("--resume", options.resume, "go on from the checkpoint in --out, to the same bits");
+  render_command.footer("Examples:\n  photonfarm render jobs/glass-caustic.toml --out out\n"
+                        "  photonfarm render job.toml --set stop.passes=256 --set integrator.type=\\\"path\\\"\n"
+                        "  photonfarm render job.toml --resume --set stop.passes=512");
+  CLI::App& plan_command = *app.add_subcommand("plan", "say what a scene holds and how it would be rendered");
+  add_common(plan_command);
+  plan_command.footer("Example:\n  photonfarm plan jobs/glass-caustic.toml");
+
+  std::vector<std::string> reversed(arguments.rbegin(), arguments.rend());  // what CLI11 wants
+  try {
+    app.parse(reversed);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error, context.out, context.err);
+    return code == 0 ? 0 : exit_code(ErrorKind::kUsage);
+  }
+  return render_command.parsed() ? render(context, options) : show_plan(context, options);
+}
+
+}  // namespace pf

@@ -1,0 +1,85 @@
+#include "worker/integrators/eye.h"
+
+#include <atomic>
+
+#include <tbb/parallel_for.h>
+
+namespace pf {
+
+Eye::Eye(const Scene& scene, const Camera& camera, int width, int height, std::uint64_t seed)
+    : camera_(camera, width, height),
+      media_(scene.media_around(camera_.position())),
+      width_(width),
+      height_(height),
+      seed_(seed) {}
+
+Eye::Start Eye::start(int x, int y, std::uint64_t sample) const {
+  const auto pixel = static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(width_) + static_cast<std::uint32_t>(x);
+  // Sequences are 32 bits long; a job that goes on beyond starts another one.
+  std::uint32_t h = combine_hash(static_cast<std::uint32_t>(seed_), static_cast<std::uint32_t>(seed_ >> 32));
+  h = combine_hash(h, static_cast<std::uint32_t>(sample >> 32));
+  PixelSequence sequence(combine_hash(h, pixel), static_cast<std::uint32_t>(sample));
+  const Vec2f film = sequence.next2() + Vec2f{static_cast<float>(x), static_cast<float>(y)};
+  const Vec2f lens = camera_.has_lens() ? sequence.next2() : Vec2f{0.5f, 0.5f};
+  const CameraRays::Generated ray = camera_.ray(film, lens);
+  return {sequence, Ray{ray.origin, ray.direction}};
+}
+
+void add_features(PixelSums& sums, const SumScale& scale, const Vertex& vertex, float distance) {
+  const Rgb albedo = vertex.bsdf.albedo(Portion::kAll);
+  const Vec3f& normal = vertex.bsdf.ns();
+  for (int c = 0; c < 3; ++c) {
+    const auto i = static_cast<std::size_t>(c);
+    sums.albedo[i] += static_cast<std::int32_t>(std::lrint(std::clamp(albedo[c], 0.0f, 1.0f) / SumScale::kUnit));
+    sums.normal[i] += static_cast<std::int32_t>(std::lrint(normal[c] / SumScale::kUnit));
+  }
+  // Sixteen samples of at most 2^26 steps fit 31 bits: depths beyond 64 diagonals of the scene are shown as that.
+  const double steps = std::min(distance / scale.depth, 0x1p26);
+  sums.depth += static_cast<std::int32_t>(std::lrint(steps));
+  ++sums.features;
+}
+
+SumScale scale_of_scene(const Scene& scene, double photon_flux) {
+  const Vec3f size = scene.bounds().size();
+  const double area = 2.0 * (double{size.x} * size.y + double{size.y} * size.z + double{size.z} * size.x);
+  const double flux = average(scene.lights().total_flux());
+  return SumScale::from_scene(area > 0.0 ? flux / (double{kPi} * area) : 1.0, photon_flux, length(size));
+}
+
+void Tally::commit() {
+  bool exact = add_quantised(sums_.direct, direct_, scale_.radiance);
+  Rgb all = direct_;
+  for (std::size_t f = 0; f < kFlows; ++f) {
+    if (is_zero(flow_[f])) continue;
+    exact = add_quantised(sums_.flow[f], flow_[f], scale_.flow) && exact;
+    all += flow_[f];
+  }
+  if (!exact) ++faults_.overflow;
+  // The square only feeds the error estimate: where it leaves its range, it stays out.
+  const double l = luminance(all);
+  static_cast<void>(add_quantised(sums_.square, l * l, scale_.square));
+}
+
+void for_each_pixel(int width, int height, Statistics& total,
+                    const std::function<void(int x, int y, TileFigures& figures)>& visit) {
+  const int columns = (width + kTileEdge - 1) / kTileEdge;
+  const int rows = (height + kTileEdge - 1) / kTileEdge;
+  std::atomic<std::uint64_t> rays{0};
+  std::atomic<std::uint64_t> not_finite{0};
+  std::atomic<std::uint64_t> overflow{0};
+  tbb::parallel_for(0, columns * rows, [&](int tile) {
+    TileFigures figures;
+    const int x0 = tile % columns * kTileEdge;
+    const int y0 = tile / columns * kTileEdge;
+    for (int y = y0; y < std::min(height, y0 + kTileEdge); ++y) {
+      for (int x = x0; x < std::min(width, x0 + kTileEdge); ++x) visit(x, y, figures);
+    }
+    rays += figures.rays;
+    not_finite += figures.faults.not_finite;
+    overflow += figures.faults.overflow;
+  });
+  total.rays += rays;
+  total.faults += Faults{not_finite, overflow};
+}
+
+}  // namespace pf

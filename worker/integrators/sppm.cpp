@@ -1,0 +1,349 @@
+#include "worker/integrators/sppm.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <tbb/parallel_invoke.h>
+
+#include "common/math/sampling.h"
+#include "worker/photon/covered_area.h"
+
+namespace pf {
+namespace {
+
+/// Photons of the first sub-pass that the first disc shall hold, and bounds of its radius in pixel footprints: wide where
+/// light is smooth, narrow for caustics. Measured on the example scenes (tests/bench/radius_bench.cpp).
+struct RadiusRule {
+  float photons;
+  float min_footprints;
+  float max_footprints;
+};
+constexpr std::array<RadiusRule, kFlows> kRadiusRules{RadiusRule{12.0f, 0.75f, 3.0f}, RadiusRule{400.0f, 1.0f, 16.0f}};
+
+/// `photons` above is for sub-passes of this many paths; others get p^(2/3) times as many, so that the radius after a
+/// given total of paths, which shrinks with the cube root of the sub-passes, does not depend on how they are cut.
+constexpr double kRulePaths = 500000.0;
+
+/// Eye samples per pixel that the first radii are chosen from.
+constexpr std::uint64_t kRadiusSamples = 4;
+
+DiscQuery query_at(const Vertex& vertex, float radius2) {
+  return {vertex.point.position, vertex.bsdf.ng(), radius2, vertex.transmissive && !vertex.bsdf.gather_is_lambert()};
+}
+
+PhotonOptions photon_options(const JobSpec& spec) {
+  return {spec.integrator.seed, static_cast<std::uint32_t>(spec.integrator.photons), spec.integrator.max_depth};
+}
+
+}  // namespace
+
+SppmIntegrator::SppmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
+    : scene_(scene),
+      eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
+      tracer_(scene, photon_options(spec)),
+      fixed_radius_(spec.integrator.initial_radius),
+      scene_radius_(0.5f * length(scene.bounds().size())),
+      max_depth_(spec.integrator.max_depth) {
+  film_.width = spec.image.width;
+  film_.height = spec.image.height;
+  film_.estimator =
+      spec.integrator.mode == ProgressiveMode::kShared ? Estimator::kShared : Estimator::kIndependent;
+  film_.scale = scale_of_scene(scene, film_.estimator == Estimator::kShared ? tracer_.flux_unit() : 0.0);
+  film_.alpha = spec.integrator.alpha;
+  film_.round_growth = spec.integrator.round_growth;
+}
+
+SppmIntegrator::Trees SppmIntegrator::build_trees(PhotonBatch batch) const {
+  Trees trees;
+  tbb::parallel_invoke([&] { trees[kCaustic] = PhotonTree(std::move(batch.flows[kCaustic])); },
+                       [&] { trees[kIndirect] = PhotonTree(std::move(batch.flows[kIndirect])); });
+  return trees;
+}
+
+struct SppmIntegrator::Walk {
+  PixelSequence sequence;
+  Ray ray;
+  MediumStack media;
+  BsdfTechnique technique;
+  Rgb beta{1.0f, 1.0f, 1.0f};
+  Rgb beta_emission{1.0f, 1.0f, 1.0f};  ///< of light met next: there the whole BSDF counts, not the followed portion alone
+  float distance = 0.0f;
+  int bounce = 0;
+  int splits = 0;
+};
+
+template <typename Sink>
+void SppmIntegrator::follow_eye_paths(int x, int y, std::uint64_t sub_pass, Sink& sink) const {
+  const Eye::Start start = eye_.start(x, y, sub_pass);
+  thread_local std::vector<Walk> pending;  // one allocation a thread
+  pending.clear();
+  follow(Walk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = {}}, pending, sub_pass, sink);
+  while (!pending.empty()) {
+    const Walk next = pending.back();
+    pending.pop_back();
+    follow(next, pending, sub_pass, sink);
+  }
+}
+
+template <typename Sink>
+void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, std::uint64_t sub_pass, Sink& sink) const {
+  while (true) {
+    sink.ray();
+    const auto hit = scene_.intersect(walk.ray);
+    if (!hit) {
+      sink.escape(walk.ray.direction, walk.beta_emission, walk.technique);
+      return;
+    }
+    walk.distance += hit->t;
+    if (!walk.media.empty()) {
+      const Rgb transmittance = walk.media.transmittance(scene_, hit->t);
+      walk.beta *= transmittance;
+      walk.beta_emission *= transmittance;
+    }
+    const Vec3f wo = -walk.ray.direction;
+    if (scene_.emits(*hit)) sink.emitter(*hit, wo, walk.beta_emission, walk.technique);
+    const Vertex vertex(scene_, *hit, wo, walk.media);
+    if (walk.bounce == 0) sink.first_hit(vertex, sub_pass, walk.distance);
+    if (vertex.bsdf.is_black() || (max_depth_ > 0 && walk.bounce >= max_depth_)) return;
+    if (!scatter(walk, vertex, pending, sink)) return;
+
+    constexpr int kFirstRoulette = 4;
+    constexpr float kMaxSurvival = 0.95f;  // ends paths caught between perfect mirrors
+    if (walk.bounce++ >= kFirstRoulette) {
+      const float survival = std::min(kMaxSurvival, max_component(walk.beta));
+      if (!(survival > 0.0f) || walk.sequence.next1() >= survival) return;
+      walk.beta /= survival;
+      walk.beta_emission /= survival;
+    }
+  }
+}
+
+template <typename Sink>
+bool SppmIntegrator::scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>& pending, Sink& sink) const {
+  const Bsdf& bsdf = vertex.bsdf;
+  // Gather here or follow the reflection: chosen with probabilities, smooth in roughness.
+  const float gathered = average(bsdf.albedo(Portion::kGather));
+  const float followed = average(bsdf.albedo(Portion::kFollow));
+  if (!(gathered + followed > 0.0f)) return false;
+  const float p_gather = gathered / (gathered + followed);
+  const float p_follow = 1.0f - p_gather;
+  const float u_light = walk.sequence.next1();
+  const Vec2f u_point = walk.sequence.next2();
+  if (!bsdf.is_delta_only()) sink.direct(vertex, walk.media, u_light, u_point, p_follow, walk.beta);
+  const float u_choice = walk.sequence.next1();
+  if (u_choice < p_gather) {
+    sink.gather(vertex, walk.beta / p_gather, walk.sequence.next2(), eye_.camera().footprint(walk.distance));
+    return false;
+  }
+  // The rest of the interval, stretched, chooses the lobe: one number keeps its stratification.
+  const float u_lobe = std::min((u_choice - p_gather) / p_follow, kOneMinusEpsilon);
+  const Vec2f u_direction = walk.sequence.next2();
+  const auto go_on = [&](Walk& branch, float u, float weight) {
+    const auto next = bsdf.sample(vertex.wo, u, u_direction, Transport::kRadiance, Portion::kFollow);
+    if (!next) return false;
+    branch.beta_emission = branch.beta * next->weight * (weight / p_follow);
+    if (!next->delta) {
+      const float cosine = std::abs(dot(next->wi, bsdf.ns()));
+      branch.beta_emission =
+          branch.beta * bsdf.eval(vertex.wo, next->wi, Transport::kRadiance) * (weight * cosine / (next->pdf_w * p_follow));
+    }
+    branch.beta *= next->weight * (weight / p_follow);
+    branch.technique = {next->delta, next->pdf_w * p_follow, vertex.point.position, bsdf.ns(), vertex.transmissive};
+    if (next->refracted) branch.media.cross(vertex.point.material, vertex.entering());
+    branch.ray = {offset_past(vertex.point, next->wi), next->wi};
+    return true;
+  };
+  constexpr int kMaxSplits = 2;
+  const float reflect = walk.splits < kMaxSplits ? bsdf.split_probability() : 0.0f;
+  if (reflect <= 0.0f) return go_on(walk, u_lobe, 1.0f);
+  // The stronger branch goes first: it is the one whose photons steer the radius (see RadianceSink).
+  ++walk.splits;
+  Walk other = walk;
+  ++other.bounce;
+  const float u_reflect = 0.5f * reflect;
+  const float u_transmit = 0.5f * (1.0f + reflect);
+  const bool reflect_first = reflect > 0.5f;
+  if (go_on(other, reflect_first ? u_transmit : u_reflect, reflect_first ? 1.0f - reflect : reflect)) pending.push_back(other);
+  return go_on(walk, reflect_first ? u_reflect : u_transmit, reflect_first ? reflect : 1.0f - reflect);
+}
+
+/// Chooses the first radii of a pixel.
+struct SppmIntegrator::RadiusSink {
+  const SppmIntegrator& integrator;
+  const Trees& trees;
+  ProgressivePixel& pixel;
+  TileFigures& figures;
+
+  void ray() { ++figures.rays; }
+  void escape(const Vec3f&, const Rgb&, const BsdfTechnique&) {}
+  void emitter(const SurfacePoint&, const Vec3f&, const Rgb&, const BsdfTechnique&) {}
+  void first_hit(const Vertex&, std::uint64_t, float) {}
+  void direct(const Vertex&, const MediumStack&, float, const Vec2f&, float, const Rgb&) {}
+  void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, float footprint) {
+    for (const Flow flow : {kCaustic, kIndirect}) {
+      const float radius2 = integrator.first_radius2(trees[flow], flow, vertex, footprint);
+      float& least = pixel[flow].radius2;
+      least = least > 0.0f ? std::min(least, radius2) : radius2;
+    }
+    const float widest = std::max(pixel[kCaustic].radius2, pixel[kIndirect].radius2);
+    if (pixel.near_edge == 0 &&
+        covered_fraction(integrator.scene_, vertex.point, query_at(vertex, widest), u, figures.rays) < 1.0f) {
+      pixel.near_edge = 1;
+    }
+  }
+};
+
+float SppmIntegrator::first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const {
+  if (fixed_radius_ > 0.0) return static_cast<float>(fixed_radius_ * fixed_radius_);
+  const RadiusRule& rule = kRadiusRules[flow];
+  // No disc is wider than a part of the scene, however far away the surface is seen from.
+  constexpr float kMaxSceneShare = 0.05f;
+  const float largest = std::min(rule.max_footprints * footprint, kMaxSceneShare * scene_radius_);
+  const float smallest = std::min(rule.min_footprints * footprint, largest);
+  DiscQuery query = query_at(vertex, smallest * smallest);
+  auto found = static_cast<float>(tree.count(query));
+  const auto wanted = static_cast<float>(rule.photons * std::pow(tracer_.options().paths / kRulePaths, 2.0 / 3.0));
+  while (found < wanted && query.radius2 < largest * largest) {
+    query.radius2 = std::min(query.radius2 * 4.0f, largest * largest);
+    found = static_cast<float>(tree.count(query));
+  }
+  // On a surface the number found goes with the area.
+  for (int refinement = 0; refinement < 3 && found > wanted && query.radius2 > smallest * smallest; ++refinement) {
+    query.radius2 = std::max(query.radius2 * wanted / found, smallest * smallest);
+    found = static_cast<float>(tree.count(query));
+  }
+  return query.radius2;
+}
+
+std::vector<ProgressivePixel> SppmIntegrator::initial_radii() const {
+  const Trees trees = build_trees(tracer_.trace(0));
+  std::vector<ProgressivePixel> state(static_cast<std::size_t>(eye_.width()) * static_cast<std::size_t>(eye_.height()));
+  Statistics figures;
+  for_each_pixel(eye_.width(), eye_.height(), figures, [&](int x, int y, TileFigures& tile) {
+    RadiusSink sink{*this, trees, state[static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) +
+                                        static_cast<std::size_t>(x)], tile};
+    for (std::uint64_t s = 0; s < kRadiusSamples; ++s) follow_eye_paths(x, y, s, sink);
+  });
+  fill_missing_radii(state);
+  return state;
+}
+
+void SppmIntegrator::fill_missing_radii(std::vector<ProgressivePixel>& state) const {
+  // A pixel whose first samples met no surface may meet one later: it takes the radii of the nearest pixel in its row, or else
+  // of the row above or below.
+  const auto width = static_cast<std::size_t>(eye_.width());
+  const auto known = [](const ProgressivePixel& p) { return p[kIndirect].radius2 > 0.0f; };
+  const auto adopt = [&](ProgressivePixel& p, const ProgressivePixel& from) {
+    if (known(p) || !known(from)) return;
+    p = from;
+    p.near_edge = 1;
+  };
+  for (std::size_t row = 0; row < state.size(); row += width) {
+    for (std::size_t x = 1; x < width; ++x) adopt(state[row + x], state[row + x - 1]);
+    for (std::size_t x = width - 1; x > 0; --x) adopt(state[row + x - 1], state[row + x]);
+  }
+  for (std::size_t i = width; i < state.size(); ++i) adopt(state[i], state[i - width]);
+  for (std::size_t i = state.size(); i > width; --i) adopt(state[i - 1 - width], state[i - 1]);
+  constexpr float kFallbackShare = 0.01f;  // of the scene: nothing at all was met in the whole image
+  ProgressivePixel fallback;
+  for (FlowState& flow : fallback.flow) flow.radius2 = kFallbackShare * kFallbackShare * scene_radius_ * scene_radius_;
+  for (ProgressivePixel& p : state) adopt(p, fallback);
+}
+
+/// Adds up what one eye path brings to its pixel.
+struct SppmIntegrator::RadianceSink {
+  const SppmIntegrator& integrator;
+  const Trees& trees;
+  const ProgressivePixel& state;
+  std::array<float, kFlows> radius2;
+  PixelSums& sums;
+  TileFigures& figures;
+  Tally& tally;
+  /// Hit points of this sample so far. All of them bring flux; only the first one's photons count in M, which decides how
+  /// fast the radius shrinks: as if the path had not been split.
+  int gathers = 0;
+
+  void ray() { ++figures.rays; }
+  void escape(const Vec3f& d, const Rgb& beta, const BsdfTechnique& technique) {
+    const EnvironmentMap& environment = integrator.scene_.environment();
+    if (!environment.present()) return;
+    tally.add_direct(beta * environment.radiance(d) * environment_weight(integrator.scene_, d, technique));
+  }
+  void emitter(const SurfacePoint& point, const Vec3f& wo, const Rgb& beta, const BsdfTechnique& technique) {
+    tally.add_direct(beta * integrator.scene_.emitted(point, wo) * emitter_weight(integrator.scene_, point, technique));
+  }
+  void first_hit(const Vertex& vertex, std::uint64_t sub_pass, float distance) {
+    if (sub_pass < kFeatureSubPasses) add_features(sums, integrator.film_.scale, vertex, distance);
+  }
+  void direct(const Vertex& vertex, const MediumStack& media, float u_pick, const Vec2f& u, float p_follow, const Rgb& beta) {
+    tally.add_direct(beta * direct_light(integrator.scene_, vertex, media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
+  }
+  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, float) {
+    ++gathers;
+    for (const Flow flow : {kCaustic, kIndirect}) gather_flow(flow, vertex, beta, u);
+  }
+  void gather_flow(Flow flow, const Vertex& vertex, const Rgb& beta, const Vec2f& u) {
+    const DiscQuery query = query_at(vertex, radius2[flow]);
+    std::uint32_t count = 0;
+    Rgb flux = reflected_flux(trees[flow], query, vertex, count);
+    if (count == 0) return;
+    if (gathers == 1) sums.photons[flow] += count;
+    flux *= beta;
+    if (state.near_edge != 0) flux /= covered_fraction(integrator.scene_, vertex.point, query, u, figures.rays);
+    if (!is_finite(flux)) {
+      ++figures.faults.not_finite;
+      return;
+    }
+    if (integrator.film_.estimator == Estimator::kIndependent) flux /= kPi * radius2[flow];
+    if (!add_quantised(sums.flow[flow], flux, integrator.film_.scale.flow)) ++figures.faults.overflow;
+  }
+  /// Sum of f * photon flux [W sr^-1] over the disc.
+  [[nodiscard]] Rgb reflected_flux(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex,
+                                   std::uint32_t& count) const {
+    const auto unit = static_cast<float>(integrator.tracer_.flux_unit());
+    if (vertex.bsdf.gather_is_lambert()) {
+      const FluxSum sum = tree.sum_flux(query);
+      count = sum.count;
+      const double step = integrator.tracer_.flux_unit() / kFluxSteps;
+      return vertex.bsdf.lambert_f() * Rgb{static_cast<float>(static_cast<double>(sum.steps[0]) * step),
+                                           static_cast<float>(static_cast<double>(sum.steps[1]) * step),
+                                           static_cast<float>(static_cast<double>(sum.steps[2]) * step)};
+    }
+    thread_local std::vector<std::uint32_t> indices;
+    indices.clear();
+    tree.collect(query, indices);
+    count = static_cast<std::uint32_t>(indices.size());
+    Rgb sum{0.0f, 0.0f, 0.0f};
+    for (const std::uint32_t i : indices) {
+      sum += vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather) * tree.flux(i);
+    }
+    return sum * unit;
+  }
+};
+
+void SppmIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
+  for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
+    PhotonBatch batch = tracer_.trace(s);
+    sums.photon_paths += tracer_.options().paths;
+    for (const PhotonArrays& photons : batch.flows) sums.photons_stored += photons.size();
+    sums.rays += batch.rays;
+    sums.faults += batch.faults;
+    const Trees trees = build_trees(std::move(batch));
+    const double ratio =
+        film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(s, film_.alpha) : 1.0;
+    for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {
+      const std::size_t i =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x);
+      Tally tally(sums.pixels[i], film_.scale, figures.faults);
+      RadianceSink sink{*this, trees, state[i],
+                        {static_cast<float>(state[i][kCaustic].radius2 * ratio),
+                         static_cast<float>(state[i][kIndirect].radius2 * ratio)},
+                        sums.pixels[i], figures, tally};
+      follow_eye_paths(x, y, s, sink);
+      tally.commit();
+    });
+    ++sums.sub_passes;
+  }
+}
+
+}  // namespace pf

@@ -1,0 +1,42 @@
+#include "worker/photon/covered_area.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/math/frame.h"
+
+namespace pf {
+
+float covered_fraction(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
+                       std::uint64_t& rays) {
+  const float radius = std::sqrt(query.radius2);
+  const Frame frame = Frame::from_normal(query.normal);
+  const Vec3f start = offset_past(point, query.normal);
+
+  // Probes start this part of the radius above the surface: high enough to see the disc over slightly curved ground,
+  // low enough to be stopped by what stands on it; lower where something lies close above.
+  constexpr float kHeight = 0.35f;
+  float height = kHeight * radius;
+  ++rays;
+  if (const auto above = scene.intersect({start, query.normal, height})) height = 0.5f * above->t;
+  const Vec3f eye = start + query.normal * height;
+
+  int covered = 0;
+  for (int i = 0; i < kProbes; ++i) {
+    constexpr float kGoldenAngle = 2.39996323f;
+    const float r = radius * std::sqrt((static_cast<float>(i) + u.x) / kProbes);
+    const float angle = static_cast<float>(i) * kGoldenAngle + 2.0f * kPi * u.y;
+    const Vec3f target = query.position + frame.t * (r * std::cos(angle)) + frame.b * (r * std::sin(angle));
+    const Vec3f to_target = target - eye;
+    ++rays;
+    // Curved ground may lie a little further than the tangent plane.
+    const auto hit = scene.intersect({eye, to_target, 1.0f + kPlaneTolerance / kHeight});
+    if (!hit) continue;
+    const float height_of_hit = dot(hit->position - query.position, query.normal);
+    const float facing = std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, to_target) * dot(hit->ng, query.normal));
+    if (std::abs(height_of_hit) <= kPlaneTolerance * radius && facing >= kMinNormalCosine) ++covered;
+  }
+  return static_cast<float>(std::max(covered, 1)) / kProbes;
+}
+
+}  // namespace pf

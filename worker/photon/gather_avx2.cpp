@@ -1,0 +1,74 @@
+#include <immintrin.h>
+
+#include "worker/photon/gather_kernels.inl"
+
+namespace pf {
+namespace {
+
+/// Sixteen floats in two registers.
+struct Avx2 {
+  struct Float {
+    __m256 low, high;
+  };
+  using Mask = Float;
+  struct Bits {
+    __m256i low, high;
+  };
+  struct Steps {
+    __m256i sum = _mm256_setzero_si256();
+  };
+  static Float set(float v) { return {_mm256_set1_ps(v), _mm256_set1_ps(v)}; }
+  static Float load(const float* p) { return {_mm256_loadu_ps(p), _mm256_loadu_ps(p + 8)}; }
+  static Float add(Float a, Float b) { return {_mm256_add_ps(a.low, b.low), _mm256_add_ps(a.high, b.high)}; }
+  static Float sub(Float a, Float b) { return {_mm256_sub_ps(a.low, b.low), _mm256_sub_ps(a.high, b.high)}; }
+  static Float mul(Float a, Float b) { return {_mm256_mul_ps(a.low, b.low), _mm256_mul_ps(a.high, b.high)}; }
+  static Float max(Float a, Float b) { return {_mm256_max_ps(a.low, b.low), _mm256_max_ps(a.high, b.high)}; }
+  static Float abs(Float a) {
+    const __m256 sign = _mm256_set1_ps(-0.0f);
+    return {_mm256_andnot_ps(sign, a.low), _mm256_andnot_ps(sign, a.high)};
+  }
+  static Mask less_equal(Float a, Float b) {
+    return {_mm256_cmp_ps(a.low, b.low, _CMP_LE_OQ), _mm256_cmp_ps(a.high, b.high, _CMP_LE_OQ)};
+  }
+  static Mask both(Mask a, Mask b) { return {_mm256_and_ps(a.low, b.low), _mm256_and_ps(a.high, b.high)}; }
+  static std::uint32_t bits(Mask m) {
+    return static_cast<std::uint32_t>(_mm256_movemask_ps(m.low)) |
+           static_cast<std::uint32_t>(_mm256_movemask_ps(m.high)) << 8;
+  }
+  static Bits load_bits(const std::uint32_t* p) {
+    return {_mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)),
+            _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p + 8))};
+  }
+  static Float signed_byte(Bits v, int byte) {
+    const int up = 24 - 8 * byte;
+    return {_mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v.low, up), 24)),
+            _mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(v.high, up), 24))};
+  }
+  /// Nearest integer of each double below 2^51 in size: adding 1.5 * 2^52 leaves it in the low bits.
+  static __m256i rounded(__m256d v) {
+    const __m256d magic = _mm256_set1_pd(0x1.8p52);
+    return _mm256_sub_epi64(_mm256_castpd_si256(_mm256_add_pd(v, magic)), _mm256_castpd_si256(magic));
+  }
+  static void add_steps(Steps& s, Mask mask, Float flux) {
+    const __m256d scale = _mm256_set1_pd(kFluxSteps);
+    for (const __m256 half : {_mm256_and_ps(flux.low, mask.low), _mm256_and_ps(flux.high, mask.high)}) {
+      const __m256d a = _mm256_mul_pd(_mm256_cvtps_pd(_mm256_castps256_ps128(half)), scale);
+      const __m256d b = _mm256_mul_pd(_mm256_cvtps_pd(_mm256_extractf128_ps(half, 1)), scale);
+      s.sum = _mm256_add_epi64(s.sum, _mm256_add_epi64(rounded(a), rounded(b)));
+    }
+  }
+  static std::int64_t total(const Steps& s) {
+    alignas(32) std::int64_t lanes[4];
+    _mm256_store_si256(reinterpret_cast<__m256i*>(lanes), s.sum);
+    return lanes[0] + lanes[1] + lanes[2] + lanes[3];
+  }
+};
+
+}  // namespace
+
+const GatherKernels& gather_kernels_avx2() {
+  static constexpr GatherKernels kKernels = make_gather_kernels<Avx2>();
+  return kKernels;
+}
+
+}  // namespace pf

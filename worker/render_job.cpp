@@ -1,0 +1,302 @@
+#include "worker/render_job.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <thread>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include "build_id.h"
+#include "common/base/atomic_file.h"
+#include "common/base/hash.h"
+#include "common/base/memory.h"
+#include "worker/integrators/path.h"
+#include "worker/integrators/sppm.h"
+#include "worker/scene/gltf_loader.h"
+#include "worker/scene/scene_hash.h"
+
+namespace pf {
+namespace {
+
+/// Where the job's files go.
+struct OutputPaths {
+  std::filesystem::path exr, png, json, checkpoint;
+  OutputPaths(const std::filesystem::path& folder, const std::string& name)
+      : exr(folder / (name + ".exr")),
+        png(folder / (name + ".png")),
+        json(folder / (name + ".json")),
+        checkpoint(folder / (name + ".checkpoint")) {}
+};
+
+Result<const Camera*> choose_camera(const Scene& scene, const std::string& name) {
+  const std::vector<Camera>& cameras = scene.cameras();
+  if (name.empty()) return &cameras.front();
+  const auto it = std::find_if(cameras.begin(), cameras.end(), [&](const Camera& c) { return c.name == name; });
+  if (it != cameras.end()) return &*it;
+  std::string names;
+  for (const Camera& c : cameras) names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", c.name);
+  return fail(ErrorKind::kInvalidInput,
+              fmt::format("scene.camera: no camera is called \"{}\"; expected one of {}", name, names));
+}
+
+/// Names what a checkpoint belongs to.
+std::string identity_of(const LoadedJob& job) {
+  return fmt::format("spec {} scene {} build {}", image_hash_of_spec(job.spec), job.scene_hash, kBuildId);
+}
+
+std::string hash_of_beauty(const LayeredImage& image) {
+  const std::vector<float>& data = image.layers.front().data;
+  return sha256_hex(std::as_bytes(std::span(data)));
+}
+
+/// The loop over rounds of one job.
+class Rendering {
+ public:
+  Rendering(const RenderRequest& request, const LoadedJob& job, const Clock& clock,
+            const std::function<void(const Progress&)>& progress)
+      : request_(request),
+        job_(job),
+        clock_(clock),
+        progress_(progress),
+        paths_(request.out, job.spec.job.name),
+        film_(job.integrator->film_options()),
+        start_(clock.now() - job.load_seconds),
+        last_checkpoint_(clock.now()) {}
+
+  Result<RenderResult> run() {
+    if (auto opened = open(); !opened) return tl::unexpected(opened.error());
+    render_start_ = clock_.now();
+    const std::uint64_t first = film_.sub_passes();
+    while (!stops(film_.sub_passes() - first)) {
+      job_.integrator->run({film_.sub_passes(), 1}, film_.state(), film_.sums());
+      film_.close_round_if_complete();
+      if (film_.sums().faults.overflow > 0) {
+        return fail(ErrorKind::kInternal,
+                    fmt::format("{}: {} contributions exceed the range of the exact sums; a light is more than 10^8 times "
+                                "brighter than the scene's mean: check its intensity and size",
+                                job_.spec.job.name, film_.sums().faults.overflow));
+      }
+      report();
+      if (request_.interrupted != nullptr && request_.interrupted->load()) return interrupted();
+      if (auto saved = save_if_due(); !saved) return tl::unexpected(saved.error());
+    }
+    return write();
+  }
+
+ private:
+  Result<void> open() {
+    std::error_code code;
+    std::filesystem::create_directories(request_.out, code);
+    if (code) {
+      return fail(ErrorKind::kUsage, fmt::format("--out {}: cannot be made: {}", request_.out.string(), code.message()));
+    }
+    if (request_.resume) {
+      auto loaded = Film::load(paths_.checkpoint, identity_of(job_));
+      if (!loaded) {
+        return fail(loaded.error().kind, loaded.error().message + "; start without --resume to render anew");
+      }
+      film_ = std::move(*loaded);
+      return {};
+    }
+    auto radii = job_.integrator->initial_radii();
+    if (!radii.empty()) film_.set_initial_radii(std::move(radii));
+    return {};
+  }
+
+  [[nodiscard]] bool stops(std::uint64_t done_here) {
+    const JobSpec::Stop& stop = job_.spec.stop;
+    const std::uint64_t done = film_.sub_passes();
+    if (stop.passes > 0 && done >= static_cast<std::uint64_t>(stop.passes)) return true;
+    if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error) return true;
+    if (stop.seconds <= 0 || done == 0) return false;
+    const double now = clock_.now();
+    const double sub_pass = done_here > 0 ? (now - render_start_) / static_cast<double>(done_here) : 0.0;
+    return now - start_ + sub_pass + write_reserve() > stop.seconds;
+  }
+  /// Seconds kept back for writing the image: about 40 ns a pixel for EXR, PNG and the last update.
+  [[nodiscard]] double write_reserve() const { return 4e-7 * static_cast<double>(film_.sums().pixels.size()); }
+
+  void report() {
+    Progress p;
+    p.passes_done = static_cast<std::int64_t>(film_.sub_passes());
+    p.passes_total = job_.spec.stop.passes;
+    p.seconds_limit = job_.spec.stop.seconds;
+    p.error_target = job_.spec.stop.error;
+    // The estimate costs a sweep over the image; the progress line wants it only when the job does.
+    if (p.error_target > 0 && film_.sub_passes() == film_.round_begin()) p.error = film_.estimated_error();
+    p.rays = film_.sums().rays;
+    p.photons = film_.sums().photon_paths;
+    progress_(p);
+  }
+
+  Result<void> save() { return film_.save(paths_.checkpoint, identity_of(job_)); }
+  Result<void> save_if_due() {
+    if (clock_.now() - last_checkpoint_ < job_.spec.checkpoint.seconds) return {};
+    last_checkpoint_ = clock_.now();
+    return save();
+  }
+  Result<RenderResult> interrupted() {
+    if (auto saved = save(); !saved) return tl::unexpected(saved.error());
+    return fail(ErrorKind::kInterrupted,
+                fmt::format("{}: interrupted after {} passes; {} is left: the same command with --resume goes on",
+                            job_.spec.job.name, film_.sub_passes(), paths_.checkpoint.string()));
+  }
+
+  Result<RenderResult> write() {
+    const double written_from = clock_.now();
+    RenderResult result;
+    result.render_seconds = written_from - render_start_;
+    const Statistics& sums = film_.sums();
+    LayeredImage image = film_.image();
+    result.image_hash = hash_of_beauty(image);
+    result.error = film_.estimated_error();
+    result.passes = sums.sub_passes;
+    result.rounds = film_.rounds();
+    result.photon_paths = sums.photon_paths;
+    result.photons_stored = sums.photons_stored;
+    result.rays = sums.rays;
+    result.load_seconds = job_.load_seconds;
+    result.warnings = job_.scene->warnings();
+    result.warnings.insert(result.warnings.end(), job_.plan.warnings.begin(), job_.plan.warnings.end());
+    if (sums.faults.not_finite > 0) {
+      result.warnings.push_back(fmt::format("{} contributions were NaN or infinite and are missing in the image",
+                                            sums.faults.not_finite));
+    }
+    image.metadata = {{"job", job_.spec.job.name},
+                      {"spec_hash", image_hash_of_spec(job_.spec)},
+                      {"scene_hash", job_.scene_hash},
+                      {"seed", fmt::format("{}", job_.spec.integrator.seed)},
+                      {"passes", fmt::format("{}", result.passes)},
+                      {"rounds", fmt::format("{}", result.rounds)},
+                      {"photons", fmt::format("{}", result.photon_paths)},
+                      {"build_id", kBuildId},
+                      {"plan", plan_line(job_.plan)},
+                      {"spec", canonical_json(job_.spec)}};
+    if (auto done = write_exr(paths_.exr, image); !done) return tl::unexpected(done.error());
+    auto beauty = rgb_pixels(image.layers.front());
+    if (!beauty) return tl::unexpected(beauty.error());
+    if (auto done = write_png(paths_.png, image.width, image.height, *beauty,
+                              static_cast<float>(job_.spec.image.exposure));
+        !done) {
+      return tl::unexpected(done.error());
+    }
+    result.exr = paths_.exr;
+    result.png = paths_.png;
+    result.json = paths_.json;
+    result.write_seconds = clock_.now() - written_from;
+    result.peak_bytes = peak_resident_bytes();
+    if (auto done = write_file_atomically(paths_.json, result_json(job_.spec, result)); !done) {
+      return tl::unexpected(done.error());
+    }
+    // A finished job keeps its checkpoint: more passes can be added with --resume.
+    if (auto saved = save(); !saved) return tl::unexpected(saved.error());
+    return result;
+  }
+
+  const RenderRequest& request_;
+  const LoadedJob& job_;
+  const Clock& clock_;
+  const std::function<void(const Progress&)>& progress_;
+  OutputPaths paths_;
+  Film film_;
+  double start_;
+  double render_start_ = 0;
+  double last_checkpoint_;
+};
+
+}  // namespace
+
+Result<SceneDescription> load_scene_of_job(const JobSpec& spec) {
+  GltfRequest request;
+  request.file = spec.folder / spec.scene.file;
+  request.root = spec.folder;
+  request.scene = spec.scene.scene;
+  request.camera = spec.scene.camera;
+  auto description = load_gltf(request);
+  if (!description) return description;
+  Environment& environment = description->environment;
+  if (!spec.scene.environment.empty()) {
+    environment.file = (spec.folder / spec.scene.environment).string();
+    const auto scale = static_cast<float>(spec.scene.environment_scale);
+    environment.radiance = {scale, scale, scale};
+  } else if (spec.scene.environment_radiance.size() == 3) {
+    for (int c = 0; c < 3; ++c) {
+      environment.radiance[c] = static_cast<float>(spec.scene.environment_radiance[static_cast<std::size_t>(c)]);
+    }
+  }
+  for (Camera& camera : description->cameras) {
+    camera.lens_radius = static_cast<float>(spec.scene.lens_radius);
+    camera.focus_distance = static_cast<float>(spec.scene.focus_distance);
+  }
+  return description;
+}
+
+Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
+  const double start = clock.now();
+  LoadedJob job;
+  job.spec = spec;
+  auto description = load_scene_of_job(spec);
+  if (!description) return tl::unexpected(description.error());
+  auto plan = make_plan(spec, gather_facts(*description));
+  if (!plan) return tl::unexpected(plan.error());
+  job.plan = std::move(*plan);
+  auto hash = hash_scene(spec.folder / spec.scene.file, *description);
+  if (!hash) return tl::unexpected(hash.error());
+  job.scene_hash = std::move(*hash);
+  auto scene = Scene::build(std::move(*description));
+  if (!scene) return tl::unexpected(scene.error());
+  job.scene = std::move(*scene);
+  auto camera = choose_camera(*job.scene, spec.scene.camera);
+  if (!camera) return tl::unexpected(camera.error());
+  if (job.plan.algorithm == IntegratorType::kPath) {
+    job.integrator = std::make_unique<PathIntegrator>(*job.scene, **camera, spec);
+  } else {
+    job.integrator = std::make_unique<SppmIntegrator>(*job.scene, **camera, spec);
+  }
+  job.load_seconds = clock.now() - start;
+  return job;
+}
+
+Result<RenderResult> render_job(const RenderRequest& request, const Clock& clock,
+                                const std::function<void(const Progress&)>& progress) {
+  const int threads =
+      request.threads > 0 ? request.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  tbb::task_arena arena(threads);
+  Result<RenderResult> result = fail(ErrorKind::kInternal, "not run");
+  arena.execute([&] {
+    auto job = load_job_scene(request.spec, clock);
+    result = job ? Rendering(request, *job, clock, progress).run() : tl::unexpected(job.error());
+  });
+  return result;
+}
+
+std::string result_json(const JobSpec& spec, const RenderResult& r) {
+  const auto rate = [&](std::uint64_t count) {
+    return r.render_seconds > 0 ? static_cast<double>(count) / r.render_seconds : 0.0;
+  };
+  nlohmann::json json = {
+      {"job", spec.job.name},
+      {"exr", r.exr.string()},
+      {"png", r.png.string()},
+      {"image_hash", r.image_hash},
+      {"passes", r.passes},
+      {"rounds", r.rounds},
+      {"photon_paths", r.photon_paths},
+      {"photons_stored", r.photons_stored},
+      {"rays", r.rays},
+      {"seconds", {{"load", r.load_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
+      {"rays_per_second", rate(r.rays)},
+      {"photons_per_second", rate(r.photon_paths)},
+      {"peak_bytes", r.peak_bytes},
+      {"warnings", r.warnings},
+      {"build_id", kBuildId}};
+  json["estimated_error"] = std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json(nullptr);
+  return json.dump(2) + "\n";
+}
+
+}  // namespace pf

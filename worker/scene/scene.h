@@ -1,0 +1,140 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/math/vec.h"
+#include "worker/bsdf/bsdf.h"
+#include "worker/scene/camera_rays.h"
+#include "worker/scene/environment.h"
+#include "worker/scene/lights.h"
+#include "worker/scene/scene_description.h"
+#include "worker/scene/texture_store.h"
+
+namespace pf {
+
+struct Ray {
+  Vec3f origin;
+  Vec3f direction;           ///< unit, except for shadow segments
+  float t_max = kInfinity;
+};
+
+/// What a ray met, before textures: enough to shade, and to start again from.
+struct SurfacePoint {
+  Vec3f position;            ///< interpolated from the triangle's corners (more exact than origin + t * direction)
+  Vec3f ng;                  ///< unit geometric normal of the front face
+  Vec3f ns;                  ///< unit interpolated normal on ng's side; ng when the mesh has none
+  float t = 0;               ///< distance along the ray
+  std::uint32_t placement = 0;
+  std::uint32_t primitive = 0;
+  float b1 = 0, b2 = 0;      ///< barycentric coordinates of the second and third corner
+  float extent = 0;          ///< largest absolute coordinate of the triangle's corners: bounds the error of `position`
+  int material = 0;
+};
+
+/// Light absorption inside a refracting volume.
+struct Medium {
+  float ior = 1.0f;
+  Rgb sigma_a{0, 0, 0};      ///< 1/m [KHR_materials_volume: -ln(attenuationColor) / attenuationDistance]
+};
+
+/// A scene ready to be traced: immutable, shared by all threads. Opaque two-sided surfaces, alpha already decided by
+/// Embree's filter (a mask by its cutoff; a blend by a hash of the ray, so that the same ray always sees the same).
+class Scene {
+ public:
+  /// Builds acceleration structure, textures and lights. A scene without any light gets a uniform environment of
+  /// radiance 1 and a warning. Errors: kInvalidInput (image that cannot be read), kInternal (Embree).
+  [[nodiscard]] static Result<std::unique_ptr<const Scene>> build(SceneDescription description);
+  ~Scene();
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  [[nodiscard]] std::optional<SurfacePoint> intersect(const Ray& ray) const;
+  /// True when anything lies on the segment origin + t * direction, t in (0, t_max).
+  [[nodiscard]] bool occluded(const Ray& ray) const;
+
+  /// Material parameters at a point. `eta_outside`: index of refraction of the medium around the surface.
+  [[nodiscard]] SurfaceParams evaluate(const SurfacePoint& point, float eta_outside) const;
+  /// Radiance emitted at a point towards unit direction `wo` (zero behind a one-sided emitter).
+  [[nodiscard]] Rgb emitted(const SurfacePoint& point, const Vec3f& wo) const;
+  /// Radiance of emissive triangle `index` at barycentrics (b1, b2), front side, textures applied.
+  [[nodiscard]] Rgb emitted_by_triangle(std::uint32_t index, const Vec2f& barycentric) const;
+  /// Textured radiance of a point of a triangle relative to the mean that Lights works with; 1 when untextured.
+  [[nodiscard]] Rgb emission_ratio(std::uint32_t index, const Vec2f& barycentric) const;
+  /// Refracting volumes around emissive triangle `index`, outermost first.
+  [[nodiscard]] std::span<const int> media_of_emitter(std::uint32_t index) const;
+  /// Index for Lights::pdf_w, or -1 where the surface does not emit.
+  [[nodiscard]] std::int32_t emissive_triangle(const SurfacePoint& point) const;
+  [[nodiscard]] bool emits(const SurfacePoint& point) const { return traits_[point.material].emissive; }
+  /// Medium behind the front face of a material, or null for an opaque or thin-walled one.
+  [[nodiscard]] const Medium* medium(int material) const {
+    return traits_[material].refracts ? &traits_[material].medium : nullptr;
+  }
+  [[nodiscard]] bool any_medium() const { return any_medium_; }
+  /// Refracting volumes that contain `position`, outermost first (for a camera or lamp under water).
+  [[nodiscard]] std::vector<int> media_around(const Vec3f& position) const;
+
+  [[nodiscard]] const EnvironmentMap& environment() const { return environment_; }
+  [[nodiscard]] const Lights& lights() const { return *lights_; }
+  [[nodiscard]] const Box3f& bounds() const { return bounds_; }
+  [[nodiscard]] const std::vector<Camera>& cameras() const { return description_.cameras; }
+  [[nodiscard]] const std::vector<std::string>& warnings() const { return description_.warnings; }
+  [[nodiscard]] std::size_t triangle_count() const { return triangle_count_; }
+
+ private:
+  struct Embree;
+  /// A mesh in the world: baked to world space when it is placed once, an Embree instance otherwise.
+  struct Placement {
+    int mesh = 0;
+    bool instanced = false;
+    bool mirrored = false;                 ///< instance transform with negative determinant
+    Matrix44f object_to_world;
+    Matrix44f normal_to_world;             ///< inverse transpose
+    std::int32_t first_emissive = -1;      ///< index of its first triangle in Lights
+  };
+  /// What is known of a material before any point of it is met.
+  struct MaterialTraits {
+    bool emissive = false, textured = false, refracts = false;
+    bool emission_varies = false;          ///< over a triangle: textured, or by vertex colours
+    Medium medium;
+    SurfaceParams constant;                ///< parameters when nothing is textured
+  };
+
+  Scene() = default;
+  void bake_single_placements();
+  Result<void> build_embree();
+  void find_material_traits();
+  void find_lights();
+  [[nodiscard]] SurfacePoint surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const;
+  [[nodiscard]] Vec2f uv(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
+  [[nodiscard]] Vec4f texel(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
+  [[nodiscard]] Vec3f mapped_normal(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref, float scale) const;
+  [[nodiscard]] Vec4f vertex_color(const Mesh& mesh, const SurfacePoint& point) const;
+  void apply_textures(const SurfacePoint& point, SurfaceParams& params) const;
+  [[nodiscard]] Rgb radiance_of(const SurfacePoint& point) const;
+  [[nodiscard]] float alpha_at(const SurfacePoint& point) const;
+  [[nodiscard]] bool passes_alpha(const SurfacePoint& point, const Vec3f& origin, const Vec3f& direction) const;
+
+  SceneDescription description_;
+  std::vector<Placement> placements_;
+  std::vector<MaterialTraits> traits_;
+  std::vector<std::vector<int>> media_of_emitters_;  ///< empty when the scene has no medium
+  std::unique_ptr<TextureStore> textures_;
+  EnvironmentMap environment_;
+  std::unique_ptr<Lights> lights_;
+  std::unique_ptr<Embree> embree_;
+  Box3f bounds_;
+  std::size_t triangle_count_ = 0;
+  bool any_medium_ = false;
+};
+
+/// Where a ray that goes on from `point` towards `direction` starts: moved off the surface to that side.
+[[nodiscard]] Vec3f offset_past(const SurfacePoint& point, const Vec3f& direction);
+
+}  // namespace pf
