@@ -32,10 +32,18 @@ std::uint32_t little_endian(Bytes bytes, std::size_t at, std::size_t count) {
   return value;
 }
 
-/// PNG: the first chunk is IHDR [W3C PNG, 5.6 and 11.2.2]. Truncation is left to libpng, which reports it.
+/// PNG: walks the chunks, the first being IHDR, up to IEND [W3C PNG, 5.3 and 5.6]. OpenImageIO's reader leaks
+/// memory when libpng jumps out of a short read, so that truncated files are kept from it.
 std::optional<Size> png_size(Bytes bytes) {
+  constexpr std::size_t kSignature = 8, kAroundData = 12;  // length, type and checksum of a chunk
   if (bytes.size() < 33 || !has_text(bytes, 12, "IHDR")) return std::nullopt;
-  return Size{big_endian(bytes, 16, 4), big_endian(bytes, 20, 4)};
+  for (std::size_t at = kSignature; bytes.size() - at >= kAroundData;) {
+    const std::size_t length = big_endian(bytes, at, 4);
+    if (bytes.size() - at - kAroundData < length) return std::nullopt;
+    if (has_text(bytes, at + 4, "IEND")) return Size{big_endian(bytes, 16, 4), big_endian(bytes, 20, 4)};
+    at += kAroundData + length;
+  }
+  return std::nullopt;
 }
 
 bool is_start_of_frame(std::uint8_t marker) {
