@@ -53,7 +53,7 @@ void Film::close_round_if_complete() {
 Rgb Film::flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const {
   const auto n = static_cast<double>(sums_.sub_passes);
   if (options_.estimator != Estimator::kShared) return scaled(sums_.pixels[pixel].flow[flow], options_.scale.flow / n);
-  if (state.count <= 0.0f) return {0.0f, 0.0f, 0.0f};
+  if (state.radius2 <= 0.0f) return {0.0f, 0.0f, 0.0f};
   // Radiance evaluation [Hachisuka08 (10)]: tau / (pi R^2 N_emitted); the flux of a path already holds 1 / paths per sub-pass.
   const double factor = options_.scale.flow / (static_cast<double>(kPi) * state.radius2 * n);
   return {static_cast<float>(state.tau[0] * factor), static_cast<float>(state.tau[1] * factor),

@@ -16,7 +16,12 @@ double log_gamma(double x) {
 
 FlowState updated(const FlowState& state, std::uint32_t photons, const std::array<std::int64_t, 3>& flow,
                   std::uint64_t sub_passes, double alpha) {
-  if (photons == 0) return state;
+  if (photons == 0) {
+    // Hit points of split paths bring flux that does not steer the radius: it stays, and the radius does too.
+    FlowState next = state;
+    for (std::size_t c = 0; c < 3; ++c) next.tau[c] = static_cast<float>(state.tau[c] + static_cast<double>(flow[c]));
+    return next;
+  }
   const double found = photons;
   const std::uint64_t steps = std::min<std::uint64_t>(sub_passes, photons);
   const double share = 1.0 / static_cast<double>(steps);

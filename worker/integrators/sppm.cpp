@@ -70,6 +70,7 @@ struct SppmIntegrator::Walk {
   float distance = 0.0f;
   int bounce = 0;
   int splits = 0;
+  float split_weight = 1.0f;            ///< part of beta that stands for split branches: roulette must not count it again
 };
 
 template <typename Sink>
@@ -110,7 +111,7 @@ void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, std::uint64_t
     constexpr int kFirstRoulette = 4;
     constexpr float kMaxSurvival = 0.95f;  // ends paths caught between perfect mirrors
     if (walk.bounce++ >= kFirstRoulette) {
-      const float survival = std::min(kMaxSurvival, max_component(walk.beta));
+      const float survival = std::min(kMaxSurvival, max_component(walk.beta) / walk.split_weight);
       if (!(survival > 0.0f) || walk.sequence.next1() >= survival) return;
       walk.beta /= survival;
       walk.beta_emission /= survival;
@@ -148,13 +149,17 @@ bool SppmIntegrator::scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>
           branch.beta * bsdf.eval(vertex.wo, next->wi, Transport::kRadiance) * (weight * cosine / (next->pdf_w * p_follow));
     }
     branch.beta *= next->weight * (weight / p_follow);
+    branch.split_weight *= weight;
     branch.technique = {next->delta, next->pdf_w * p_follow, vertex.point.position, bsdf.ns(), vertex.transmissive};
     if (next->refracted) branch.media.cross(vertex.point.material, vertex.entering());
     branch.ray = {offset_past(vertex.point, next->wi), next->wi};
     return true;
   };
-  constexpr int kMaxSplits = 2;
-  const float reflect = walk.splits < kMaxSplits ? bsdf.split_probability() : 0.0f;
+  // A lamp seen after three reflections inside glass still shows; weaker branches are left to chance.
+  constexpr int kMaxSplits = 6;
+  constexpr float kMinBranch = 1e-4f;
+  float reflect = walk.splits < kMaxSplits ? bsdf.split_probability() : 0.0f;
+  if (std::min(reflect, 1.0f - reflect) * max_component(walk.beta) < kMinBranch) reflect = 0.0f;
   if (reflect <= 0.0f) return go_on(walk, u_lobe, 1.0f);
   // The stronger branch goes first: it is the one whose photons steer the radius (see RadianceSink).
   ++walk.splits;

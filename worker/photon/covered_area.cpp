@@ -6,6 +6,15 @@
 #include "common/math/frame.h"
 
 namespace pf {
+namespace {
+
+/// A lamp or a mirror flush with the surface leaves a hole in the disc: no photon is ever stored there.
+bool stores_photons(const Scene& scene, const SurfacePoint& point, const Vec3f& wo) {
+  const Bsdf bsdf(scene.evaluate(point, 1.0f), wo);
+  return !bsdf.is_black() && !bsdf.is_delta_only();
+}
+
+}  // namespace
 
 float covered_fraction(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
                        std::uint64_t& rays) {
@@ -34,7 +43,8 @@ float covered_fraction(const Scene& scene, const SurfacePoint& point, const Disc
     if (!hit) continue;
     const float height_of_hit = dot(hit->position - query.position, query.normal);
     const float facing = std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, to_target) * dot(hit->ng, query.normal));
-    if (std::abs(height_of_hit) <= kPlaneTolerance * radius && facing >= kMinNormalCosine) ++covered;
+    if (std::abs(height_of_hit) > kPlaneTolerance * radius || facing < kMinNormalCosine) continue;
+    if (stores_photons(scene, *hit, -normalize(to_target))) ++covered;
   }
   return static_cast<float>(std::max(covered, 1)) / kProbes;
 }

@@ -1,0 +1,75 @@
+#include "worker/photon/covered_area.h"
+
+#include <gtest/gtest.h>
+
+#include "common/math/philox.h"
+#include "tests/support/scenes.h"
+
+namespace pf {
+namespace {
+
+/// Mean of covered_fraction and of its inverse at a point of the floor.
+struct Measured {
+  double mean = 0, inverse = 0;
+};
+Measured measure(const Scene& scene, const Vec3f& above, float radius) {
+  const auto point = scene.intersect({above, {0, -1, 0}});
+  EXPECT_TRUE(point.has_value());
+  const DiscQuery query{point->position, {0, 1, 0}, radius * radius, false};
+  PathRng rng(4, Stream::kTest, 0, 0);
+  Measured m;
+  constexpr int kCount = 4000;
+  std::uint64_t rays = 0;
+  for (int i = 0; i < kCount; ++i) {
+    const float f = covered_fraction(scene, *point, query, rng.next2(), rays);
+    m.mean += f / double{kCount};
+    m.inverse += 1.0 / f / kCount;
+  }
+  return m;
+}
+
+test::SceneMaker floor_with(bool wall) {
+  test::SceneMaker maker;
+  const int white = maker.lambert({0.5f, 0.5f, 0.5f});
+  maker.quad({0, 0, 0}, {0, 0, 4}, {4, 0, 0}, white);
+  if (wall) maker.quad({1, 0, 0}, {0, 4, 0}, {0, 0, 4}, white);  // stands on the floor, which goes on behind it
+  maker.camera({2, 2, 2}, {2, 0, 2.1f}, 1.0f);
+  return maker;
+}
+
+/// Area of a disc of radius 1 on the near side of a line at distance d from its centre, as a part of the disc.
+double segment(double d) { return 1.0 - (std::acos(d) - d * std::sqrt(1.0 - d * d)) / double{kPi}; }
+
+TEST(CoveredArea, IsOneOnAnOpenFloor) {
+  const auto scene = floor_with(false).build();
+  const Measured m = measure(*scene, {2, 1, 2}, 0.2f);
+  EXPECT_EQ(m.mean, 1.0);
+}
+
+TEST(CoveredArea, MeasuresADiscThatHangsOverAnEdge) {
+  const auto scene = floor_with(false).build();
+  for (const double d : {0.1, 0.5, 0.9}) {
+    const Measured m = measure(*scene, {static_cast<float>(0.2 * d), 1, 2}, 0.2f);
+    EXPECT_NEAR(m.mean, segment(d), 0.01) << d;
+    EXPECT_NEAR(m.inverse * segment(d), 1.0, 0.015) << d;
+  }
+}
+
+TEST(CoveredArea, StopsAtAWallBehindWhichTheFloorGoesOn) {
+  const auto scene = floor_with(true).build();
+  for (const double d : {0.1, 0.5, 0.9}) {
+    const Measured m = measure(*scene, {static_cast<float>(1.0 + 0.2 * d), 1, 2}, 0.2f);
+    EXPECT_NEAR(m.mean, segment(d), 0.01) << d;
+  }
+}
+
+TEST(CoveredArea, IsOneOnASphereOfFourTimesTheRadius) {
+  test::SceneMaker maker;
+  maker.sphere({0, 0, 0}, 0.8f, maker.lambert({0.5f, 0.5f, 0.5f}), 128);
+  maker.camera({0, 3, 0.1f}, {0, 0, 0}, 1.0f);
+  const auto scene = maker.build();
+  EXPECT_GT(measure(*scene, {0.0f, 2.0f, 0.0f}, 0.2f).mean, 0.99);
+}
+
+}  // namespace
+}  // namespace pf
