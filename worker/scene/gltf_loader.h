@@ -14,9 +14,9 @@ namespace pf {
 struct GltfRequest {
   std::filesystem::path file;  ///< .gltf or .glb, told apart by content
   /// Nothing outside this folder is opened, symbolic links and `..` resolved. Empty: the file's own folder.
-  std::filesystem::path root;
-  std::string scene;   ///< name or index; empty: the file's default scene, else its first
-  std::string camera;  ///< must name a camera of that scene; empty: not asked for
+  std::filesystem::path root{};
+  std::string scene{};   ///< name or index; empty: the file's default scene, else its first
+  std::string camera{};  ///< must name a camera of that scene; empty: not asked for
 };
 
 /// Reads a scene into plain, checked data: world space, rest pose (skins and default morph weights applied).

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <array>
 #include <map>
-#include <optional>
 #include <set>
 #include <vector>
 
@@ -127,14 +126,14 @@ void PrimitiveChecker::check_format(const Json& a, const Format& format, const s
 void PrimitiveChecker::check_attributes(const Json& primitive, const std::string& pointer) {
   const Json& attributes = primitive["attributes"];
   const std::string at = child(pointer, "attributes");
-  std::optional<std::uint64_t> count;
+  const Json* first = attributes.empty() ? nullptr : &attributes.front();
+  const Json* reference = attributes.contains("POSITION") ? &attributes["POSITION"] : first;
   for (const auto& [name, index] : attributes.items()) {
     const Json& a = accessor(index);
     const std::uint64_t n = unsigned_or(a, "count", 0);
-    if (!count) count = n;
-    if (n != *count) {
-      report_.error(child(at, name),
-                    fmt::format("has {} values, another attribute has {}; expected one count", n, *count));
+    const std::uint64_t count = unsigned_or(accessor(*reference), "count", 0);
+    if (n != count) {
+      report_.error(child(at, name), fmt::format("has {} values; expected {} as POSITION has", n, count));
     }
     if (name.starts_with("_") && name.size() > 1) {
       if (unsigned_or(a, "componentType", 0) == 5125)

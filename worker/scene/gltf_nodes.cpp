@@ -24,12 +24,15 @@ bool is_finite_matrix(const Matrix44f& m) {
   return std::all_of(&m[0][0], &m[0][0] + 16, [](float x) { return std::isfinite(x); });
 }
 
-/// Can the upper 3x3 be inverted? Judged by its determinant against the lengths of its rows.
+/// Can the upper 3x3 be inverted in single precision? Its determinant is held against float's range, and against the
+/// lengths of its rows.
 bool is_invertible(const Matrix44f& m) {
   Imath::V3d row[3];
   for (int r = 0; r < 3; ++r) row[r] = Imath::V3d(m[r][0], m[r][1], m[r][2]);
   const double volume = std::abs(row[0].dot(row[1].cross(row[2])));
-  return volume > 1e-9 * row[0].length() * row[1].length() * row[2].length() && volume > 1e-35;
+  const float determinant = m.determinant();  // as whoever inverts it computes it, underflow included
+  return determinant != 0.0f && std::isfinite(determinant) && volume > 1e-30 && volume < 1e30 &&
+         volume > 1e-6 * row[0].length() * row[1].length() * row[2].length();
 }
 
 std::string label(const std::string& name, const char* kind, std::size_t index) {
