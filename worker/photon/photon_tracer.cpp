@@ -107,7 +107,9 @@ void PhotonTracer::trace_path(std::uint64_t sub_pass, std::uint32_t path, Photon
     const auto sample = bsdf.sample(wo, u_lobe, rng.next2(), Transport::kFlux);
     if (!sample) return;
     // A rough reflection counts as specular with the probability that it is followed rather than gathered.
-    if (sample->specularity < 1.0f && rng.next1() >= sample->specularity) walk.specular_only = false;
+    if (sample->specularity <= 0.0f || (sample->specularity < 1.0f && rng.next1() >= sample->specularity)) {
+      walk.specular_only = false;
+    }
     // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
     const Rgb flux = walk.flux * sample->weight;
     const float survival = std::min(1.0f, max_component(flux) / max_component(walk.flux));

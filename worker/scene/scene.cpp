@@ -51,11 +51,8 @@ Scene::~Scene() = default;
 
 SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const {
   const Placement& placed = placements_[placement];
-  const Mesh& mesh = description_.meshes[placed.mesh];
-  const auto& triangle = mesh.triangles[primitive];
-  Vec3f p0 = mesh.positions[triangle[0]];
-  Vec3f p1 = mesh.positions[triangle[1]];
-  Vec3f p2 = mesh.positions[triangle[2]];
+  const Corners& corners = corners_[placed.mesh];
+  auto [p0, p1, p2] = corners.positions[primitive];
   if (placed.instanced) {
     p0 = p0 * placed.object_to_world;
     p1 = p1 * placed.object_to_world;
@@ -67,8 +64,9 @@ SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primiti
   point.ng = triangle_normal(p0, p1, p2);
   if (placed.mirrored) point.ng = -point.ng;
   point.ns = point.ng;
-  if (!mesh.normals.empty()) {
-    Vec3f ns = at_corners(mesh.normals, triangle, b1, b2);
+  if (!corners.normals.empty()) {
+    const auto& [n0, n1, n2] = corners.normals[primitive];
+    Vec3f ns = interpolate(n0, n1, n2, b1, b2);
     if (placed.instanced) placed.normal_to_world.multDirMatrix(ns, ns);
     const float squared = length2(ns);
     if (squared > 0.0f) point.ns = ns * ((dot(ns, point.ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared));
@@ -77,7 +75,7 @@ SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primiti
   point.primitive = primitive;
   point.b1 = b1;
   point.b2 = b2;
-  point.material = mesh.material;
+  point.material = placed.material;
   return point;
 }
 
@@ -88,6 +86,8 @@ std::optional<SurfacePoint> Scene::intersect(const Ray& ray) const {
   point.t = hit->t;
   return point;
 }
+
+bool Scene::meets(const Ray& ray) const { return embree_->intersect(ray.origin, ray.direction, ray.t_max).has_value(); }
 
 bool Scene::occluded(const Ray& ray) const { return embree_->occluded(ray.origin, ray.direction, ray.t_max); }
 

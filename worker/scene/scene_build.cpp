@@ -3,6 +3,7 @@
 #include <map>
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include "common/math/offset.h"
 #include "common/math/owen_sobol.h"
@@ -47,6 +48,7 @@ Result<std::unique_ptr<const Scene>> Scene::build(SceneDescription description) 
   if (!textures) return tl::unexpected(textures.error());
   scene->textures_ = std::make_unique<TextureStore>(std::move(*textures));
   scene->bake_single_placements();
+  scene->gather_corners();
   scene->find_material_traits();
   if (auto built = scene->build_embree(); !built) return tl::unexpected(built.error());
 
@@ -72,6 +74,7 @@ void Scene::bake_single_placements() {
   for (const MeshInstance& instance : description_.instances) {
     Placement placed;
     placed.mesh = instance.mesh;
+    placed.material = description_.meshes[instance.mesh].material;
     placed.instanced = uses[instance.mesh] > 1;
     const Matrix44f& m = instance.object_to_world;
     const bool mirrors = m.determinant() < 0.0f;
@@ -99,6 +102,20 @@ void Scene::bake_single_placements() {
     }
     placements_.push_back(placed);
   }
+}
+
+void Scene::gather_corners() {
+  corners_.resize(description_.meshes.size());
+  tbb::parallel_for(std::size_t{0}, corners_.size(), [&](std::size_t m) {
+    const Mesh& mesh = description_.meshes[m];
+    const auto gather = [&](const std::vector<Vec3f>& values, std::vector<std::array<Vec3f, 3>>& corners) {
+      if (values.empty()) return;
+      corners.reserve(mesh.triangles.size());
+      for (const auto& t : mesh.triangles) corners.push_back({values[t[0]], values[t[1]], values[t[2]]});
+    };
+    gather(mesh.positions, corners_[m].positions);
+    gather(mesh.normals, corners_[m].normals);
+  });
 }
 
 Result<void> Scene::build_embree() {
@@ -153,6 +170,10 @@ Result<void> Scene::build_embree() {
     rtcReleaseGeometry(geometry);
   }
   rtcCommitScene(embree_->top.get());
+  for (Mesh& mesh : description_.meshes) {  // both live on in corners_, and the positions in Embree
+    mesh.positions = {};
+    mesh.normals = {};
+  }
   if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE) {
     return fail(ErrorKind::kInternal, fmt::format("Embree: building the scene failed with error {}{}", int(error),
                                                   error == RTC_ERROR_OUT_OF_MEMORY ? " (out of memory)" : ""));
