@@ -16,6 +16,9 @@ namespace {
 /// How far a length may be from one before it is reported; 8-bit normals are off by up to 0.014.
 constexpr float kUnitTolerance = 0.02f;
 
+/// Square of twice a triangle's area from which float keeps all its digits.
+constexpr float kLeastArea2 = 1e-36f;
+
 /// Corners of triangle `k` of a list, strip or fan [glTF 2.0, 3.7.2.1, "Topology types"].
 std::array<std::size_t, 3> corners(int mode, std::size_t k) {
   if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) return {k, k + 1 + k % 2, k + 2 - k % 2};
@@ -95,6 +98,7 @@ Result<std::optional<Mesh>> GeometryReader::read_primitive(const tinygltf::Primi
   Mesh mesh;
   mesh.material = primitive.material >= 0 ? primitive.material : static_cast<int>(materials_.size()) - 1;
   if (auto r = read_vertices(*attributes, mesh); !r) return tl::unexpected(r.error());
+  check_units(mesh, pointer);
   if (auto r = read_triangles(primitive, *attributes, mesh, pointer); !r) return tl::unexpected(r.error());
   if (auto r = apply_morph(primitive, weights, mesh, pointer); !r) return tl::unexpected(r.error());
   if (skin != nullptr) {
@@ -103,11 +107,11 @@ Result<std::optional<Mesh>> GeometryReader::read_primitive(const tinygltf::Primi
   if (!finite_vertices(mesh))
     return report_.fail(pointer, "positions leave single precision under morph targets or skin");
   drop_degenerate(mesh);
-  repair_normals(mesh, pointer);
+  repair_normals(mesh);
   repair_colors(mesh, pointer);
   if (mesh.triangles.empty()) return std::optional<Mesh>();
   if (auto r = complete_uv(mesh, pointer); !r) return tl::unexpected(r.error());
-  finish_tangents(mesh, pointer);
+  finish_tangents(mesh);
   return std::optional<Mesh>(std::move(mesh));
 }
 
@@ -139,6 +143,14 @@ Result<void> GeometryReader::read_vertices(const Attributes& attributes, Mesh& m
   }
   if (attributes.has("COLOR_0")) return take(attributes.vectors<Vec4f>("COLOR_0", 1.0f), mesh.colors);
   return {};
+}
+
+void GeometryReader::check_units(const Mesh& mesh, const std::string& pointer) {
+  // As the file has them: morph targets and skins change lengths rightly. audit() looks at tangents.
+  const auto odd = [](const Vec3f& n) { return std::abs(length(n) - 1.0f) > kUnitTolerance; };
+  if (std::any_of(mesh.normals.begin(), mesh.normals.end(), odd)) {
+    report_.warn(pointer, "has normals that are not of unit length; they are normalised");
+  }
 }
 
 Result<void> GeometryReader::read_triangles(const tinygltf::Primitive& primitive,
@@ -263,25 +275,20 @@ Result<void> GeometryReader::apply_skin(const Attributes& attributes, const Skin
 void GeometryReader::drop_degenerate(Mesh& mesh) {
   const std::size_t dropped = std::erase_if(mesh.triangles, [&](const std::array<std::uint32_t, 3>& t) {
     const Vec3f& p = mesh.positions[t[0]];
-    // The renderer divides by this length.
-    const float l = length(cross(mesh.positions[t[1]] - p, mesh.positions[t[2]] - p));
-    return !(l > 0.0f) || !std::isfinite(1.0f / l) || !std::isfinite(l);
+    // The renderer divides by the length of this in single precision.
+    const float l2 = length2(cross(mesh.positions[t[1]] - p, mesh.positions[t[2]] - p));
+    return !(l2 > kLeastArea2) || !(l2 < 1.0f / kLeastArea2);
   });
   degenerate_ += dropped;
 }
 
-void GeometryReader::repair_normals(Mesh& mesh, const std::string& pointer) {
+void GeometryReader::repair_normals(Mesh& mesh) {
   if (mesh.normals.empty()) return;
   std::vector<Vec3f> geometric;
   for (std::size_t i = 0; i < mesh.normals.size(); ++i) {
     Vec3f& n = mesh.normals[i];
-    const float l = length(n);
-    if (std::abs(l - 1.0f) > kUnitTolerance)
-      report_.warn(pointer, "has normals that are not of unit length; they are normalised");
-    if (l > 1e-12f && std::isfinite(l)) {
-      n = n * (1.0f / l);
-      continue;
-    }
+    n = unit_or_zero(n);
+    if (!is_zero(n)) continue;
     if (geometric.empty()) {  // area-weighted normals of the triangles around each vertex
       geometric.assign(mesh.normals.size(), Vec3f(0.0f, 0.0f, 0.0f));
       for (const auto& t : mesh.triangles) {
@@ -290,8 +297,8 @@ void GeometryReader::repair_normals(Mesh& mesh, const std::string& pointer) {
         for (const std::uint32_t v : t) geometric[v] += face;
       }
     }
-    const float g = length(geometric[i]);
-    n = g > 0.0f && std::isfinite(g) ? geometric[i] * (1.0f / g) : Vec3f(0.0f, 0.0f, 1.0f);
+    n = unit_or_zero(geometric[i]);
+    if (is_zero(n)) n = Vec3f(0.0f, 0.0f, 1.0f);
   }
 }
 
@@ -320,7 +327,7 @@ Result<void> GeometryReader::complete_uv(Mesh& mesh, const std::string& pointer)
   return {};
 }
 
-void GeometryReader::finish_tangents(Mesh& mesh, const std::string& pointer) {
+void GeometryReader::finish_tangents(Mesh& mesh) {
   const Material& material = materials_[static_cast<std::size_t>(mesh.material)];
   const TextureRef& map =
       material.normal_texture.present() ? material.normal_texture : material.clearcoat_normal_texture;
@@ -328,22 +335,19 @@ void GeometryReader::finish_tangents(Mesh& mesh, const std::string& pointer) {
   if (mesh.tangents.empty()) {
     if (mesh.normals.empty()) make_flat(mesh);
     std::vector<Vec2f> uv = mesh.uv[static_cast<std::size_t>(map.uv_set)];
-    for (Vec2f& x : uv) x = transform_uv(map, x);
+    for (Vec2f& x : uv) {
+      x = transform_uv(map, x);
+      if (!std::isfinite(x.x) || !std::isfinite(x.y))
+        x = Vec2f(0.0f, 0.0f);  // overflow of KHR_texture_transform
+    }
     generate_tangents(mesh, uv);
     return;
   }
   for (std::size_t i = 0; i < mesh.tangents.size(); ++i) {
     Vec4f& t = mesh.tangents[i];
-    const float l = length(xyz(t));
-    if (std::abs(l - 1.0f) > kUnitTolerance || std::abs(t.w) != 1.0f) {
-      report_.warn(pointer,
-                   "has tangents that are not of unit length with a w of 1 or -1; they are normalised");
-    }
-    if (!(l > 1e-12f) || !std::isfinite(l)) {
-      t = any_tangent(mesh.normals[i]);
-    } else {
-      t = Vec4f(t.x / l, t.y / l, t.z / l, t.w < 0.0f ? -1.0f : 1.0f);
-    }
+    const Vec3f direction = unit_or_zero(xyz(t));
+    t = is_zero(direction) ? any_tangent(mesh.normals[i])
+                           : Vec4f(direction.x, direction.y, direction.z, t.w < 0.0f ? -1.0f : 1.0f);
   }
 }
 

@@ -46,12 +46,13 @@ class GeometryReader {
   [[nodiscard]] Result<void> apply_skin(const Attributes& attributes, const SkinPose& skin, Mesh& mesh,
                                         const std::string& pointer);
   void drop_degenerate(Mesh& mesh);
-  void repair_normals(Mesh& mesh, const std::string& pointer);
+  void repair_normals(Mesh& mesh);
+  void check_units(const Mesh& mesh, const std::string& pointer);
   void repair_colors(Mesh& mesh, const std::string& pointer);
   /// Every UV set that the material reads exists afterwards.
   [[nodiscard]] Result<void> complete_uv(Mesh& mesh, const std::string& pointer);
   [[nodiscard]] bool has_data(const tinygltf::Primitive& primitive) const;
-  void finish_tangents(Mesh& mesh, const std::string& pointer);
+  void finish_tangents(Mesh& mesh);
 
   const Model& model_;
   const std::vector<Material>& materials_;

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cstring>
 #include <fstream>
+#include <set>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -122,6 +123,24 @@ bool too_deep(std::string_view json) {
     }
   }
   return false;
+}
+
+/// Parses, and finds the first key that stands twice in one object (of which nlohmann keeps the last). Throws
+/// what nlohmann throws.
+Json parse_json(std::string_view text, std::optional<std::string>& twice) {
+  std::vector<std::set<std::string>> keys;
+  const auto look = [&](int, Json::parse_event_t event, Json& parsed) {
+    if (event == Json::parse_event_t::object_start) {
+      keys.emplace_back();
+    } else if (event == Json::parse_event_t::object_end) {
+      keys.pop_back();
+    } else if (event == Json::parse_event_t::key && !twice) {
+      const auto [it, fresh] = keys.back().insert(parsed.get<std::string>());
+      if (!fresh) twice = *it;
+    }
+    return true;
+  };
+  return Json::parse(text.begin(), text.end(), look);
 }
 
 /// nlohmann's text without its prefix "[json.exception.parse_error.101] ".
@@ -247,7 +266,10 @@ Result<Container> split(std::span<const std::uint8_t> bytes, Report& report) {
   if (too_deep(json))
     return report.fail("", fmt::format("JSON is nested deeper than {} levels", kMaxJsonDepth));
   try {
-    out.document = Json::parse(json.begin(), json.end());
+    std::optional<std::string> twice;
+    out.document = parse_json(json, twice);
+    if (twice)
+      return report.fail("", fmt::format("key {} stands twice in one JSON object", in_quotes(*twice)));
   } catch (const Json::exception& e) {
     return report.fail("", fmt::format("not glTF: {}", parse_message(e)));
   }

@@ -68,23 +68,29 @@ FaceTangent face_tangent(const Vec3f& e1, const Vec3f& e2, Vec2f d1, Vec2f d2) {
   FaceTangent out;
   if (!(std::abs(area) > 0.0f)) return out;
   const Vec3f t = (e1 * d2.y - e2 * d1.y) * (area > 0.0f ? 1.0f : -1.0f);
-  const float l = length(t);
-  if (!(l > 0.0f) || !std::isfinite(l)) return out;
-  out.direction = t * (1.0f / l);
+  out.direction = unit_or_zero(t);
+  if (is_zero(out.direction)) return out;
   out.mirrored = area > 0.0f ? 0 : 1;
   out.valid = true;
   return out;
 }
 
 Vec3f projected(const Vec3f& v, const Vec3f& n) {
-  const Vec3f p = v - n * dot(n, v);
-  const float l = length(p);
-  return l > 0.0f ? p * (1.0f / l) : Vec3f(0.0f, 0.0f, 0.0f);
+  // Twice: what is left of a vector nearly along n is mostly rounding.
+  const Vec3f p = unit_or_zero(v - n * dot(n, v));
+  return unit_or_zero(p - n * dot(n, p));
 }
 
 float angle_between(const Vec3f& a, const Vec3f& b) { return std::acos(std::clamp(dot(a, b), -1.0f, 1.0f)); }
 
 }  // namespace
+
+Vec3f unit_or_zero(const Vec3f& v) {
+  const double x = v.x, y = v.y, z = v.z;
+  const double l = std::sqrt(x * x + y * y + z * z);
+  if (!(l > 0.0) || !std::isfinite(l)) return {0.0f, 0.0f, 0.0f};
+  return {static_cast<float>(x / l), static_cast<float>(y / l), static_cast<float>(z / l)};
+}
 
 Vec4f any_tangent(const Vec3f& normal) {
   const Vec3f t = Frame::from_normal(normal).t;
@@ -103,7 +109,7 @@ void make_flat(Mesh& mesh) {
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
     mesh.triangles[i] = {3 * i, 3 * i + 1, 3 * i + 2};
     const Vec3f& p = mesh.positions[3 * i];
-    const Vec3f n = normalize(cross(mesh.positions[3 * i + 1] - p, mesh.positions[3 * i + 2] - p));
+    const Vec3f n = unit_or_zero(cross(mesh.positions[3 * i + 1] - p, mesh.positions[3 * i + 2] - p));
     mesh.normals.insert(mesh.normals.end(), 3, n);
   }
 }

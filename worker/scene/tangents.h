@@ -20,6 +20,10 @@ void make_flat(Mesh& mesh);
 /// mikktspace.c also separates fans that touch in a vertex only.
 void generate_tangents(Mesh& mesh, const std::vector<Vec2f>& uv);
 
+/// `v` at unit length, computed in double precision so that no length between 1e-45 and 1e38 spoils it; zero
+/// where `v` is zero or not finite.
+[[nodiscard]] Vec3f unit_or_zero(const Vec3f& v);
+
 /// A unit vector perpendicular to unit `normal`, with sign +1.
 [[nodiscard]] Vec4f any_tangent(const Vec3f& normal);
 
