@@ -1,5 +1,6 @@
 #include <ostream>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "jobs/command.h"

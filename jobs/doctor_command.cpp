@@ -1,5 +1,8 @@
 #include <ostream>
 
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
 #include "build_id.h"
 #include "common/base/result.h"
 #include "jobs/command.h"

@@ -20,6 +20,8 @@ target_compile_options(
             -march=x86-64-v3 -ffp-contract=off -fno-math-errno -fno-trapping-math)
 # Imath and Embree headers use float/int conversions that -Wconversion flags only when inlined into our code.
 if(PHOTONFARM_SANITIZE)
+  # Half the time to compile of -O2 -g, and asserts of third-party headers stay on; line tables are all a report needs.
+  set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O1 -g1")
   target_compile_options(pf_options INTERFACE -fsanitize=${PHOTONFARM_SANITIZE} -fno-omit-frame-pointer
                                               -fno-sanitize-recover=all)
   target_link_options(pf_options INTERFACE -fsanitize=${PHOTONFARM_SANITIZE})
