@@ -1,0 +1,286 @@
+// Every file of the shared test data through the renderer: valid scenes give finite pixels, broken files an
+// error or a warning. What the messages say is tested beside the loader; here it is that nothing crashes,
+// hangs or keeps silent.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "common/base/clock.h"
+#include "tests/support/scenes.h"
+#include "worker/integrators/path.h"
+#include "worker/integrators/sppm.h"
+#include "worker/render_job.h"
+#include "worker/scene/environment.h"
+
+namespace pf::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kEdge = 8;                ///< pixels
+constexpr std::int64_t kPhotons = 200;  ///< paths of a sub-pass
+constexpr double kSlowSeconds = 3.0;    ///< a file that takes longer is printed
+
+fs::path scenes_folder() { return fs::path(PF_SHARED_DIR) / "scenes"; }
+
+std::vector<fs::path> files_below(const fs::path& folder, const std::vector<std::string>& extensions) {
+  std::vector<fs::path> files;
+  if (!fs::exists(folder)) return files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string extension = entry.path().extension().string();
+    const bool wanted =
+        extensions.empty() || std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
+    if (entry.is_regular_file() && wanted) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::vector<fs::path> scenes_below(const fs::path& folder) { return files_below(folder, {".gltf", ".glb"}); }
+
+/// Prints a file that took long, so that a slow machine's log says which.
+class Stopwatch {
+ public:
+  explicit Stopwatch(const fs::path& file) : file_(file), start_(clock_.now()) {}
+  ~Stopwatch() {
+    const double seconds = clock_.now() - start_;
+    if (seconds > kSlowSeconds) std::printf("slow: %.1f s: %s\n", seconds, file_.c_str());
+  }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  SystemClock clock_;
+  fs::path file_;
+  double start_;
+};
+
+JobSpec job_for(const fs::path& file, IntegratorType type) {
+  JobSpec spec = job(kEdge, kEdge, type, kPhotons);
+  spec.folder = file.parent_path();
+  spec.scene.file = file.filename().string();
+  return spec;
+}
+
+LayeredImage render(const Integrator& integrator, std::uint64_t sub_passes, Faults& faults) {
+  Film film(integrator.film_options());
+  if (auto radii = integrator.initial_radii(); !radii.empty()) film.set_initial_radii(std::move(radii));
+  while (film.sub_passes() < sub_passes) {
+    integrator.run({film.sub_passes(), 1}, film.state(), film.sums());
+    film.close_round_if_complete();
+  }
+  faults += film.sums().faults;
+  return film.image();
+}
+
+/// What is wrong with an image that may hold nothing but finite numbers, and no negative light; empty when
+/// all is well.
+std::string fault_of(const LayeredImage& image) {
+  for (const Layer& layer : image.layers) {
+    for (std::size_t i = 0; i < layer.data.size(); ++i) {
+      const float value = layer.data[i];
+      const bool is_light = layer.name.empty() || layer.name == "direct" || layer.name == "caustics" ||
+                            layer.name == "indirect";
+      if (!std::isfinite(value) || (is_light && value < 0.0f)) {
+        return "layer '" + layer.name + "' holds " + std::to_string(value) + " at " + std::to_string(i);
+      }
+    }
+  }
+  return {};
+}
+
+/// Renders a loaded scene with each integrator, and says what is wrong.
+std::string fault_of_renders(const LoadedJob& loaded) {
+  const Camera& camera = loaded.scene->cameras().front();
+  for (const IntegratorType type : {IntegratorType::kPath, IntegratorType::kSppm}) {
+    JobSpec spec = loaded.spec;
+    spec.integrator.type = type;
+    Faults faults;
+    const LayeredImage image = type == IntegratorType::kPath
+                                   ? render(PathIntegrator(*loaded.scene, camera, spec), 2, faults)
+                                   : render(SppmIntegrator(*loaded.scene, camera, spec), 2, faults);
+    const std::string name(to_string(type));
+    if (faults.not_finite > 0)
+      return name + ": " + std::to_string(faults.not_finite) + " contributions are not finite";
+    if (faults.overflow > 0) return name + ": " + std::to_string(faults.overflow) + " sums overflow";
+    if (std::string fault = fault_of(image); !fault.empty()) return name + ": " + fault;
+  }
+  return {};
+}
+
+/// Valid files that need something of glTF that is not supported: each must say so.
+bool is_refused(const fs::path& file) {
+  const std::string name = file.filename().string();
+  for (const char* refused : {"BoxMeshopt.glb", "14_emission_strength.gltf", "IridescenceSuzanne.glb",
+                              "Compatibility_04.gltf", "Compatibility_05.gltf"}) {
+    if (name == refused) return true;
+  }
+  return false;
+}
+
+/// A folder as part of a test's name.
+std::string name_of_folder(const testing::TestParamInfo<const char*>& folder) {
+  std::string name = folder.param;
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+  return name;
+}
+
+class ValidScenes : public testing::TestWithParam<const char*> {};
+
+TEST_P(ValidScenes, RenderToFinitePixels) {
+  const std::vector<fs::path> files = scenes_below(scenes_folder() / GetParam());
+  if (files.empty()) GTEST_SKIP() << "no shared test data";
+  const SystemClock clock;
+  for (const fs::path& file : files) {
+    const Stopwatch stopwatch(file);
+    const auto loaded = load_job_scene(job_for(file, IntegratorType::kPath), clock);
+    if (is_refused(file)) {
+      ASSERT_FALSE(loaded.has_value()) << file;
+      EXPECT_EQ(loaded.error().kind, ErrorKind::kInvalidInput) << loaded.error().message;
+      continue;
+    }
+    ASSERT_TRUE(loaded.has_value()) << file << ": " << loaded.error().message;
+    EXPECT_EQ(fault_of_renders(*loaded), "") << file;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Corpus, ValidScenes,
+                         testing::Values("analytic", "asset-generator", "caustics", "glass", "interior",
+                                         "loader", "pbr", "reference_mitsuba"),
+                         name_of_folder);
+
+/// Verdicts of the Khronos validator on its own corpus ("valid", "warn", "invalid") by path; other files are
+/// broken.
+std::map<std::string, std::string> validator_verdicts() {
+  std::map<std::string, std::string> verdicts;
+  std::ifstream table(scenes_folder() / "invalid/validator/expected.tsv");
+  for (std::string line; std::getline(table, line);) {
+    std::istringstream fields(line);
+    std::string verdict, path;
+    std::getline(fields, verdict, '\t');
+    std::getline(fields, path, '\t');
+    verdicts[(fs::path("validator") / path).generic_string()] = verdict;
+  }
+  return verdicts;
+}
+
+class BrokenScenes : public testing::TestWithParam<const char*> {};
+
+TEST_P(BrokenScenes, GiveAnErrorOrAWarning) {
+  const fs::path root = scenes_folder() / "invalid";
+  const std::vector<fs::path> files = scenes_below(root / GetParam());
+  if (files.empty()) GTEST_SKIP() << "no shared test data";
+  const auto verdicts = validator_verdicts();
+  const SystemClock clock;
+  for (const fs::path& file : files) {
+    const Stopwatch stopwatch(file);
+    const auto known = verdicts.find(fs::relative(file, root).generic_string());
+    const std::string verdict = known == verdicts.end() ? "invalid" : known->second;
+    const auto loaded = load_job_scene(job_for(file, IntegratorType::kPath), clock);
+    if (!loaded) {
+      EXPECT_NE(verdict, "valid") << loaded.error().message;
+      EXPECT_EQ(loaded.error().kind, ErrorKind::kInvalidInput) << loaded.error().message;
+      EXPECT_NE(loaded.error().message.find(file.filename().string()), std::string::npos)
+          << loaded.error().message;
+      continue;
+    }
+    if (verdict == "invalid") {
+      EXPECT_FALSE(loaded->scene->warnings().empty()) << file << " is broken and loads in silence";
+    }
+    // What loads renders, broken or not.
+    EXPECT_EQ(fault_of_renders(*loaded), "") << file;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Corpus, BrokenScenes,
+                         testing::Values("asset-generator", "magnum-TinyGltfImporter", "tinygltf",
+                                         "validator/base", "validator/ext"),
+                         name_of_folder);
+
+/// A white floor and nothing else: all light is the environment's.
+SceneMaker floor_under(const fs::path& map) {
+  SceneMaker maker;
+  maker.quad({-1, 0, -1}, {0, 0, 2}, {2, 0, 0}, maker.lambert({0.5f, 0.5f, 0.5f}));
+  maker.camera({0, 1.5f, 0.01f}, {0, 0, 0}, 0.8f);
+  maker.description.environment.file = map.string();
+  maker.description.environment.radiance = {1, 1, 1};
+  return maker;
+}
+
+TEST(Corpus, EnvironmentMapsLightAFloor) {
+  const std::vector<fs::path> maps = files_below(scenes_folder() / "env", {".hdr", ".exr"});
+  if (maps.empty()) GTEST_SKIP() << "no shared test data";
+  for (const fs::path& map : maps) {
+    const Stopwatch stopwatch(map);
+    const auto scene = Scene::build(floor_under(map).description);
+    ASSERT_TRUE(scene.has_value()) << map << ": " << scene.error().message;
+    const Camera& camera = (*scene)->cameras().front();
+    for (const IntegratorType type : {IntegratorType::kPath, IntegratorType::kSppm}) {
+      const JobSpec spec = job(kEdge, kEdge, type, kPhotons);
+      Faults faults;
+      const LayeredImage image = type == IntegratorType::kPath
+                                     ? render(PathIntegrator(**scene, camera, spec), 16, faults)
+                                     : render(SppmIntegrator(**scene, camera, spec), 16, faults);
+      EXPECT_EQ(fault_of(image), "") << map;
+      EXPECT_EQ(faults.not_finite + faults.overflow, 0u) << map;
+      const std::vector<float>& beauty = image.layers.front().data;
+      for (std::size_t i = 0; i < beauty.size(); i += 3) {
+        EXPECT_GT(beauty[i] + beauty[i + 1] + beauty[i + 2], 0.0f)
+            << map << " leaves pixel " << i / 3 << " black";
+      }
+    }
+  }
+}
+
+TEST(Corpus, OddButValidImagesAreReadAsEnvironments) {
+  const std::vector<fs::path> images = files_below(scenes_folder() / "exr", {".exr"});
+  if (images.empty()) GTEST_SKIP() << "no shared test data";
+  for (const fs::path& file : images) {
+    const Stopwatch stopwatch(file);
+    std::vector<std::string> warnings;
+    const auto map = EnvironmentMap::load({.file = file.string(), .radiance = {1, 1, 1}}, warnings);
+    if (file.filename() == "WideFloatRange.exr") {
+      // Green and nothing else: neither a colour nor a luminance.
+      ASSERT_FALSE(map.has_value());
+      EXPECT_NE(map.error().message.find("no R, G, B channels"), std::string::npos) << map.error().message;
+      continue;
+    }
+    ASSERT_TRUE(map.has_value()) << file << ": " << map.error().message;
+    EXPECT_TRUE(is_finite(map->total())) << file;
+    const auto sample = map->sample({0.3f, 0.7f});
+    EXPECT_TRUE(is_finite(sample.radiance) && std::isfinite(sample.pdf_w)) << file;
+  }
+}
+
+TEST(Corpus, DamagedImagesGiveAnErrorOrAWarning) {
+  const std::vector<fs::path> images = files_below(scenes_folder() / "invalid/exr", {});
+  if (images.empty()) GTEST_SKIP() << "no shared test data";
+  std::size_t refused = 0;
+  for (const fs::path& file : images) {
+    const Stopwatch stopwatch(file);
+    std::vector<std::string> warnings;
+    const auto map = EnvironmentMap::load({.file = file.string(), .radiance = {1, 1, 1}}, warnings);
+    if (!map) {
+      ++refused;
+      EXPECT_EQ(map.error().kind, ErrorKind::kInvalidInput) << map.error().message;
+      EXPECT_NE(map.error().message.find(file.filename().string()), std::string::npos) << map.error().message;
+    } else {
+      EXPECT_TRUE(is_finite(map->total())) << file;
+      EXPECT_FALSE(warnings.empty()) << file << " is damaged and is read in silence";
+    }
+  }
+  std::printf("%zu of %zu damaged images are refused\n", refused, images.size());
+}
+
+}  // namespace
+}  // namespace pf::test
