@@ -27,7 +27,7 @@ Wrap wrap_of(int value) {
 }
 
 std::string name_of(const Json& image, std::size_t index) {
-  const std::string name = text_or(image, "name", "");
+  std::string name = text_or(image, "name", "");
   if (!name.empty()) return name;
   const std::string uri = text_or(image, "uri", "");
   return uri.empty() || is_data_uri(uri) ? fmt::format("image {}", index) : uri;
@@ -128,7 +128,7 @@ Result<int> TextureTable::add(int index, ColorSpace color_space) {
   const auto known = known_.find({index, color_space});
   if (known != known_.end()) return known->second;
   const tinygltf::Texture& texture = model_.gltf.textures[static_cast<std::size_t>(index)];
-  const auto source = source_of(texture, child("/textures", static_cast<std::size_t>(index)));
+  auto source = source_of(texture, child("/textures", static_cast<std::size_t>(index)));
   if (!source) return source;
   int out = -1;
   if (*source >= 0) {
