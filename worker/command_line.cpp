@@ -73,8 +73,8 @@ int show_plan(const WorkerContext& context, const Options& options) {
 
 int run_worker(const WorkerContext& context, const std::vector<std::string>& arguments) {
   Options options;
-  CLI::App app{"The renderer of photonfarm; usually run through `photonfarm render` and `photonfarm plan`.",
-               "photonfarm-worker"};
+  // People meet these commands as `photonfarm render` and `photonfarm plan`, which run this program.
+  CLI::App app{"The renderer of photonfarm.", "photonfarm"};
   app.set_version_flag("--version", std::string("photonfarm-worker ") + kBuildId);
   app.require_subcommand(1);
   const auto add_common = [&](CLI::App& command) {
