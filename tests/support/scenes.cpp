@@ -3,6 +3,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/math/frame.h"
+
 namespace pf::test {
 
 SceneMaker::SceneMaker() = default;
@@ -118,12 +120,64 @@ void SceneMaker::camera(const Vec3f& eye, const Vec3f& target, float yfov) {
   c.name = "camera";
   c.yfov = yfov;
   const Vec3f back = normalize(eye - target);
-  const Vec3f side = std::abs(back.y) > 0.99f ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
-  const Vec3f right = normalize(cross(side, back));
+  const Vec3f upwards = std::abs(back.y) > 0.99f ? Vec3f{0, 0, -1} : Vec3f{0, 1, 0};
+  const Vec3f right = normalize(cross(upwards, back));
   const Vec3f up = cross(back, right);
-  c.camera_to_world = Matrix44f(right.x, right.y, right.z, 0, up.x, up.y, up.z, 0, back.x, back.y, back.z, 0, eye.x,
-                                eye.y, eye.z, 1);
+  c.camera_to_world = Matrix44f(right.x, right.y, right.z, 0, up.x, up.y, up.z, 0, back.x, back.y, back.z, 0,
+                                eye.x, eye.y, eye.z, 1);
   description.cameras.push_back(c);
+}
+
+std::vector<Vec3f> SceneMaker::disc(const Vec3f& centre, const Vec3f& normal, float radius, int material,
+                                    int segments) {
+  const Frame frame = Frame::from_normal(normal);
+  Mesh mesh;
+  mesh.material = material;
+  std::vector<Vec3f> corners;
+  for (int i = 0; i < segments; ++i) {
+    const float phi = 2.0f * kPi * static_cast<float>(i) / static_cast<float>(segments);
+    corners.push_back(centre + frame.t * (radius * std::cos(phi)) + frame.b * (radius * std::sin(phi)));
+  }
+  mesh.positions = corners;
+  mesh.positions.push_back(centre);
+  const auto count = static_cast<std::uint32_t>(segments);
+  for (std::uint32_t i = 0; i < count; ++i) mesh.triangles.push_back({count, i, (i + 1) % count});
+  add(mesh);
+  return corners;
+}
+
+void SceneMaker::orthographic_camera(const Vec3f& eye, const Vec3f& target, float half_width,
+                                     float half_height) {
+  camera(eye, target, 1.0f);
+  Camera& c = description.cameras.back();
+  c.orthographic = true;
+  c.xmag = half_width;
+  c.ymag = half_height;
+}
+
+void SceneMaker::point_light(const Vec3f& position, float intensity) {
+  PunctualLight light;
+  light.position = position;
+  light.intensity = {intensity, intensity, intensity};
+  description.lights.push_back(light);
+}
+
+void SceneMaker::directional_light(const Vec3f& direction, float irradiance) {
+  PunctualLight light;
+  light.kind = PunctualKind::kDirectional;
+  light.direction = normalize(direction);
+  light.intensity = {irradiance, irradiance, irradiance};
+  description.lights.push_back(light);
+}
+
+void SceneMaker::spot_light(const Vec3f& position, const Vec3f& direction, float intensity, float cos_inner,
+                            float cos_outer) {
+  point_light(position, intensity);
+  PunctualLight& light = description.lights.back();
+  light.kind = PunctualKind::kSpot;
+  light.direction = normalize(direction);
+  light.cos_inner = cos_inner;
+  light.cos_outer = cos_outer;
 }
 
 std::unique_ptr<const Scene> SceneMaker::build() const {

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/spec/job_spec.h"
 #include "worker/scene/scene.h"
@@ -29,8 +30,19 @@ class SceneMaker {
   void box(const Vec3f& low, const Vec3f& high, int material, bool inward = false);
   /// Sphere of rings x 2 rings quads, vertices on the sphere, analytic normals; `inward` turns the front side in.
   void sphere(const Vec3f& centre, float radius, int material, int rings = 64, bool inward = false);
+  /// Disc of `segments` triangles, corners on the circle; front side towards `normal`. Returns the corners in order.
+  std::vector<Vec3f> disc(const Vec3f& centre, const Vec3f& normal, float radius, int material, int segments = 64);
+
   /// Looks from `eye` to `target`; yfov in radians.
   void camera(const Vec3f& eye, const Vec3f& target, float yfov);
+  /// Same without perspective: sees a rectangle of these half-extents (looking down, +x is right and -z up).
+  void orthographic_camera(const Vec3f& eye, const Vec3f& target, float half_width, float half_height);
+
+  void point_light(const Vec3f& position, float intensity);
+  void directional_light(const Vec3f& direction, float irradiance);
+  /// Full intensity within `cos_inner`, none beyond `cos_outer`.
+  void spot_light(const Vec3f& position, const Vec3f& direction, float intensity, float cos_inner, float cos_outer);
+  void environment(const Rgb& radiance) { description.environment.radiance = radiance; }
 
   SceneDescription description;
   [[nodiscard]] std::unique_ptr<const Scene> build() const;
