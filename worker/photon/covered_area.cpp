@@ -30,21 +30,29 @@ float covered_fraction(const Scene& scene, const SurfacePoint& point, const Disc
   if (const auto above = scene.intersect({start, query.normal, height})) height = 0.5f * above->t;
   const Vec3f eye = start + query.normal * height;
 
+  // Each probe goes to a point a little above the disc, where walls may stop it, and from there straight down: a slanted one
+  // alone would pass over ground that falls away, as on a ball of a few disc radii.
+  const float lift = std::min(kPlaneTolerance * radius, 0.7f * height);
   int covered = 0;
   for (int i = 0; i < kProbes; ++i) {
     constexpr float kGoldenAngle = 2.39996323f;
     const float r = radius * std::sqrt((static_cast<float>(i) + u.x) / kProbes);
     const float angle = static_cast<float>(i) * kGoldenAngle + 2.0f * kPi * u.y;
     const Vec3f target = query.position + frame.t * (r * std::cos(angle)) + frame.b * (r * std::sin(angle));
-    const Vec3f to_target = target - eye;
+    const Vec3f above = target + query.normal * lift;
+    Vec3f direction = above - eye;
     ++rays;
-    // Curved ground may lie a little further than the tangent plane.
-    const auto hit = scene.intersect({eye, to_target, 1.0f + kPlaneTolerance / kHeight});
+    auto hit = scene.intersect({eye, direction, 1.0f});
+    if (!hit) {
+      direction = -query.normal;
+      ++rays;
+      hit = scene.intersect({above, direction, lift + kPlaneTolerance * radius});
+    }
     if (!hit) continue;
     const float height_of_hit = dot(hit->position - query.position, query.normal);
-    const float facing = std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, to_target) * dot(hit->ng, query.normal));
+    const float facing = std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, direction) * dot(hit->ng, query.normal));
     if (std::abs(height_of_hit) > kPlaneTolerance * radius || facing < kMinNormalCosine) continue;
-    if (stores_photons(scene, *hit, -normalize(to_target))) ++covered;
+    if (stores_photons(scene, *hit, -normalize(direction))) ++covered;
   }
   return static_cast<float>(std::max(covered, 1)) / kProbes;
 }
