@@ -142,7 +142,8 @@ void expect_the_rate(const Scene& scene, const Reference& reference, int seeds) 
     std::printf("  %4d sub-passes: %.3g\n", static_cast<int>(stops[i]), mean[i]);
   constexpr double kSteepest = -0.80, kFlattest = -0.55;
   EXPECT_LT(slope.error, 0.03) << "the seeds do not say enough";
-  EXPECT_TRUE(agrees(slope, 0.5 * (kSteepest + kFlattest), 0.5 * (kFlattest - kSteepest)));
+  EXPECT_GT(slope.mean + 3.0 * slope.error, kSteepest);
+  EXPECT_LT(slope.mean - 3.0 * slope.error, kFlattest);
 }
 
 TEST(Convergence, SquaredErrorFallsWithTwoThirdsOfTheWorkOnDiffuseWalls) {
@@ -209,8 +210,8 @@ TEST(Convergence, RoundsOfAnySizeEndWithTheSameErrorVarianceAndRadius) {
       print("  radius", ones.radius[flow]);
     }
     // A round's virtual steps take its photons as spread evenly over it, where rounds of one meet them by
-    // chance. With the one or two photons a disc finds here in a sub-pass, radii end 0.9 % smaller at growth
-    // 0.25, and 2.5 % at 1.0.
+    // chance. With the one or two photons a disc finds here in a sub-pass, radii end 1 % smaller at growth
+    // 0.25, and 2.6 % at 1.0.
     const double radius_bias = growth < 0.5 ? 0.015 : 0.035;
     const std::array<Estimate, 2> a{grown.error, grown.variance}, b{ones.error, ones.variance};
     EXPECT_TRUE(all_agree(a, b, 2.0 * radius_bias)) << growth;
