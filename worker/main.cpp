@@ -33,6 +33,7 @@ int terminal_columns() {
 int main(int argc, char** argv) {
   std::signal(SIGINT, on_interrupt);
   std::signal(SIGTERM, on_interrupt);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk
   try {
     const pf::WorkerContext context{std::cout, std::cerr, isatty(STDERR_FILENO) != 0, terminal_columns(), &interrupted};
     return pf::run_worker(context, std::vector<std::string>(argv + 1, argv + argc));

@@ -40,6 +40,7 @@ class Film {
 
   [[nodiscard]] std::uint64_t sub_passes() const { return sums_.sub_passes; }
   [[nodiscard]] std::uint64_t round_begin() const { return round_begin_; }
+  /// First sub-pass after the open round. Meaningful for kShared only: the other estimators have no rounds.
   [[nodiscard]] std::uint64_t round_end() const { return round_begin_ + round_size(round_begin_, options_.round_growth); }
   [[nodiscard]] std::uint64_t rounds() const { return rounds_; }
   [[nodiscard]] const FilmOptions& options() const { return options_; }

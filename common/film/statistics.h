@@ -49,7 +49,10 @@ inline constexpr std::uint64_t kFeatureSubPasses = 16;
 [[nodiscard]] inline bool add_quantised(std::int64_t& sum, double value, double step) {
   const double steps = value / step;
   if (!(std::abs(steps) < 0x1p62)) return false;
-  return !__builtin_add_overflow(sum, static_cast<std::int64_t>(std::llrint(steps)), &sum);
+  std::int64_t added = 0;
+  if (__builtin_add_overflow(sum, static_cast<std::int64_t>(std::llrint(steps)), &added)) return false;
+  sum = added;
+  return true;
 }
 [[nodiscard]] inline bool add_quantised(std::array<std::int64_t, 3>& sum, const Rgb& value, double step) {
   const bool x = add_quantised(sum[0], value.x, step);

@@ -10,8 +10,9 @@ namespace pf {
 /// wall or under an object. Dividing the flux by it removes the darkening at edges that a full disc's area causes
 /// ("boundary bias"; [Jensen 2001, 7.2.2] divides by the convex hull of the photons instead, which needs many of them).
 ///
-/// Measured with kProbes rays from a point above the hit point to points spread over the disc (Vogel's spiral, turned
-/// and shifted by `u`): a probe counts when it meets a surface that query would accept a photon on. Unbiased for the
+/// Measured with kProbes probes at points spread over the disc (Vogel's spiral, turned and shifted by `u`), each a ray from
+/// above the hit point to above the probe, then one straight down: it counts when it meets a surface on which the query
+/// would accept a photon. Unbiased for the
 /// area; its inverse is biased by less than 1 % at a straight edge (tests/unit/photon).
 [[nodiscard]] float covered_fraction(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
                                      std::uint64_t& rays);

@@ -140,7 +140,7 @@ class Checkpoint : public testing::Test {
     std::vector<ProgressivePixel> radii(6);
     for (ProgressivePixel& p : radii) p[kCaustic].radius2 = p[kIndirect].radius2 = 0.5f;
     film.set_initial_radii(radii);
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < 7; ++i) {
       static_cast<void>(film.sums().add(random_result(i)));
       film.close_round_if_complete();
     }
