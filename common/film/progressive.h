@@ -16,7 +16,7 @@ struct FlowState {
 
 struct ProgressivePixel {
   std::array<FlowState, kFlows> flow;
-  std::uint32_t near_edge = 0;     ///< 1: the disc of the first radius may reach past the surface; measure what it covers
+  float covered_radius = 0;        ///< discs up to this radius [m] lie whole on the surface; what wider ones cover is measured
 
   [[nodiscard]] FlowState& operator[](std::size_t f) { return flow[f]; }
   [[nodiscard]] const FlowState& operator[](std::size_t f) const { return flow[f]; }

@@ -16,8 +16,8 @@ bool stores_photons(const Scene& scene, const SurfacePoint& point, const Vec3f& 
 
 }  // namespace
 
-float covered_fraction(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
-                       std::uint64_t& rays) {
+Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
+                          std::uint64_t& rays) {
   const float radius = std::sqrt(query.radius2);
   const Frame frame = Frame::from_normal(query.normal);
   const Vec3f start = offset_past(point, query.normal);
@@ -33,12 +33,7 @@ float covered_fraction(const Scene& scene, const SurfacePoint& point, const Disc
   // Each probe goes to a point a little above the disc, where walls may stop it, and from there straight down: a slanted one
   // alone would pass over ground that falls away, as on a ball of a few disc radii.
   const float lift = std::min(kPlaneTolerance * radius, 0.7f * height);
-  int covered = 0;
-  for (int i = 0; i < kProbes; ++i) {
-    constexpr float kGoldenAngle = 2.39996323f;
-    const float r = radius * std::sqrt((static_cast<float>(i) + u.x) / kProbes);
-    const float angle = static_cast<float>(i) * kGoldenAngle + 2.0f * kPi * u.y;
-    const Vec3f target = query.position + frame.t * (r * std::cos(angle)) + frame.b * (r * std::sin(angle));
+  const auto counts = [&](const Vec3f& target) {
     const Vec3f above = target + query.normal * lift;
     Vec3f direction = above - eye;
     ++rays;
@@ -48,13 +43,26 @@ float covered_fraction(const Scene& scene, const SurfacePoint& point, const Disc
       ++rays;
       hit = scene.intersect({above, direction, lift + kPlaneTolerance * radius});
     }
-    if (!hit) continue;
+    if (!hit) return false;
     const float height_of_hit = dot(hit->position - query.position, query.normal);
     const float facing = std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, direction) * dot(hit->ng, query.normal));
-    if (std::abs(height_of_hit) > kPlaneTolerance * radius || facing < kMinNormalCosine) continue;
-    if (stores_photons(scene, *hit, -normalize(direction))) ++covered;
+    if (std::abs(height_of_hit) > kPlaneTolerance * radius || facing < kMinNormalCosine) return false;
+    return stores_photons(scene, *hit, -normalize(direction));
+  };
+  Coverage coverage;
+  int covered = 0;
+  for (int i = 0; i < kProbes; ++i) {
+    constexpr float kGoldenAngle = 2.39996323f;
+    const float r = radius * std::sqrt((static_cast<float>(i) + u.x) / kProbes);
+    const float angle = static_cast<float>(i) * kGoldenAngle + 2.0f * kPi * u.y;
+    if (counts(query.position + frame.t * (r * std::cos(angle)) + frame.b * (r * std::sin(angle)))) {
+      ++covered;
+    } else {
+      coverage.nearest_gap = std::min(coverage.nearest_gap, r);
+    }
   }
-  return static_cast<float>(std::max(covered, 1)) / kProbes;
+  coverage.fraction = static_cast<float>(std::max(covered, 1)) / kProbes;
+  return coverage;
 }
 
 }  // namespace pf

@@ -14,8 +14,12 @@ namespace pf {
 /// above the hit point to above the probe, then one straight down: it counts when it meets a surface on which the query
 /// would accept a photon. Unbiased for the
 /// area; its inverse is biased by less than 1 % at a straight edge (tests/unit/photon).
-[[nodiscard]] float covered_fraction(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
-                                     std::uint64_t& rays);
+struct Coverage {
+  float fraction = 1;              ///< in (0, 1]
+  float nearest_gap = kInfinity;   ///< distance from the hit point to the nearest probe that did not count [m]
+};
+[[nodiscard]] Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
+                                        std::uint64_t& rays);
 
 inline constexpr int kProbes = 16;
 

@@ -8,7 +8,7 @@
 namespace pf {
 namespace {
 
-/// Mean of covered_fraction and of its inverse at a point of the floor.
+/// Mean of measure_coverage and of its inverse at a point of the floor.
 struct Measured {
   double mean = 0, inverse = 0;
 };
@@ -21,7 +21,7 @@ Measured measure(const Scene& scene, const Vec3f& above, float radius) {
   constexpr int kCount = 4000;
   std::uint64_t rays = 0;
   for (int i = 0; i < kCount; ++i) {
-    const float f = covered_fraction(scene, *point, query, rng.next2(), rays);
+    const float f = measure_coverage(scene, *point, query, rng.next2(), rays).fraction;
     m.mean += f / double{kCount};
     m.inverse += 1.0 / f / kCount;
   }
