@@ -20,7 +20,7 @@ namespace pf {
 /// Biased at any finite time: illumination is blurred over the radius. Where it fails: scenes of which the eye sees a
 /// small part, which most photons never reach.
 ///
-/// Beyond the papers, each measured in tests/bench:
+/// Beyond the papers:
 /// - caustic and indirect photons keep separate statistics: a narrow radius for edges, a wide one for smooth light;
 /// - the disc's area counts only where there is surface (covered_area.h), so that wide radii do not darken corners;
 /// - the first smooth boundaries split the eye path in two, so that a weak reflection of a lamp is no rare event;
