@@ -17,6 +17,7 @@
 
 #include "common/film/image.h"
 #include "tests/stability/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf::test {
 namespace {
@@ -46,14 +47,6 @@ struct Outcome {
 
 class Resume : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(testing::TempDir()) /
-              fmt::format("photonfarm_{}_{}_{}", info->test_suite_name(), info->name(), getpid());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] static fs::path job(const std::string& name) {
     return fs::path(PF_SOURCE_DIR) / "jobs" / (name + ".toml");
   }
@@ -98,7 +91,8 @@ class Resume : public testing::Test {
     return r;
   }
 
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
 };
 
 /// The same job in every way in which statistics are kept.

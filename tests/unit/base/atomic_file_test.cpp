@@ -7,12 +7,13 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
 #include <thread>
 #include <vector>
+
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -21,14 +22,6 @@ namespace fs = std::filesystem;
 
 class AtomicFile : public testing::Test {
  protected:
-  AtomicFile() {
-    std::string pattern = (fs::temp_directory_path() / "pf_atomic_XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
-  }
-  ~AtomicFile() override {
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-  }
   [[nodiscard]] std::ptrdiff_t files_in_folder() const {
     return std::distance(fs::directory_iterator(folder_), fs::directory_iterator());
   }
@@ -36,7 +29,8 @@ class AtomicFile : public testing::Test {
     return read_file(file, 1 << 20).value_or("?");
   }
 
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
 };
 
 TEST_F(AtomicFile, WritesBytesAndLeavesNothingElseBehind) {

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/support/temp_folder.h"
+
 namespace pf {
 namespace {
 
@@ -35,7 +37,8 @@ TEST(Sha256, GoesOnAfterItWasRead) {
 }
 
 TEST(Sha256, HashesAFileAndNamesTheOneThatItCannotRead) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "pf_hash_test.bin";
+  const TempFolder folder;
+  const auto file = folder / "million";
   std::ofstream(file) << std::string(1'000'000, 'a');
   EXPECT_EQ(sha256_hex_of_file(file).value_or("?"), kMillionA);
   std::filesystem::remove(file);
@@ -43,7 +46,7 @@ TEST(Sha256, HashesAFileAndNamesTheOneThatItCannotRead) {
   ASSERT_FALSE(absent);
   EXPECT_TRUE(absent.error().message.starts_with(file.string() + ": cannot read: "))
       << absent.error().message;
-  EXPECT_FALSE(sha256_hex_of_file(testing::TempDir()));
+  EXPECT_FALSE(sha256_hex_of_file(folder.path()));
 }
 
 TEST(Xxh3, GivesThePublishedDigestsOfNothing) {

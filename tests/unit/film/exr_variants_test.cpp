@@ -1,5 +1,4 @@
 // Files that other programs write, made here with OpenEXR itself.
-#include <unistd.h>
 
 #include <cmath>
 
@@ -18,6 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "common/film/image.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -27,13 +27,8 @@ using Imath::Box2i;
 
 class ExrVariant : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    file_ = fs::temp_directory_path() /
-            (std::string("pf_exr_") + info->name() + "_" + std::to_string(::getpid()) + ".exr");
-  }
-  void TearDown() override { fs::remove(file_); }
-  fs::path file_;
+  TempFolder folder_;
+  fs::path file_ = folder_ / "variant.exr";
 };
 
 /// The value of a channel at a pixel of the file; small integers are exact in half, uint and float alike.

@@ -15,6 +15,8 @@
 #include <gtest/gtest.h>
 #include <png.h>
 
+#include "tests/support/temp_folder.h"
+
 namespace pf {
 namespace {
 
@@ -22,19 +24,13 @@ namespace fs = std::filesystem;
 
 class ImageFile : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() /
-              (std::string("pf_image_") + info->name() + "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   [[nodiscard]] fs::path file(const char* name) const { return folder_ / name; }
   [[nodiscard]] std::size_t files() const {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
   }
 
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
 };
 
 std::string bytes_of(const fs::path& file) {

@@ -8,6 +8,7 @@
 
 #include "common/film/film.h"
 #include "common/math/philox.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -132,7 +133,8 @@ TEST(Statistics, ReportOverflowAndOtherSizes) {
 
 class Checkpoint : public testing::Test {
  protected:
-  std::filesystem::path file_ = std::filesystem::path(testing::TempDir()) / "film.checkpoint";
+  TempFolder folder_;
+  std::filesystem::path file_ = folder_ / "film.checkpoint";
 
   static Film some_film() {
     FilmOptions options{3, 2, Estimator::kShared, SumScale::from_scene(2.0, 1e-5, 3.0), kAlpha, 0.25};

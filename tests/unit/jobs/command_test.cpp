@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "build_id.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -19,13 +20,6 @@ namespace fs = std::filesystem;
 /// A folder of its own for each test, with a script in the place of photonfarm-worker.
 class PhotonfarmCommand : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "photonfarm-test-XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   void worker(const std::string& script) const {
     std::ofstream(folder_ / "photonfarm-worker") << "#!/bin/sh\n" << script << '\n';
     fs::permissions(folder_ / "photonfarm-worker", fs::perms::owner_all);
@@ -39,7 +33,8 @@ class PhotonfarmCommand : public testing::Test {
     return {std::istreambuf_iterator<char>(file), {}};
   }
 
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
   std::ostringstream out_, err_;
 };
 

@@ -1,7 +1,5 @@
 #include "jobs/compare.h"
 
-#include <unistd.h>
-
 #include <filesystem>
 #include <limits>
 
@@ -9,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/film/image.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -18,14 +17,9 @@ namespace fs = std::filesystem;
 class Compare : public testing::Test {
  protected:
   void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() /
-              (std::string("pf_compare_") + info->name() + "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
     ASSERT_TRUE(write_exr(folder_ / "ref.exr", make_image(1.0f)));
     ASSERT_TRUE(write_exr(folder_ / "a.exr", make_image(1.25f)));
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   [[nodiscard]] static LayeredImage make_image(float scale) {
     LayeredImage image{
@@ -41,7 +35,8 @@ class Compare : public testing::Test {
   [[nodiscard]] CompareOptions options(bool json = false) const {
     return {folder_ / "a.exr", folder_ / "ref.exr", json, {}};
   }
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
 };
 
 TEST_F(Compare, JsonIsOneDocumentWithEveryFigure) {

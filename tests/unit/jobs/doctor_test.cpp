@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "jobs/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -15,20 +16,14 @@ namespace fs = std::filesystem;
 
 class Doctor : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "photonfarm-test-XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] fs::path script(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name) << "#!/bin/sh\n" << text << '\n';
     fs::permissions(folder_ / name, fs::perms::owner_all);
     return folder_ / name;
   }
 
-  fs::path folder_;
+  TempFolder temp_;
+  const fs::path& folder_ = temp_.path();
 };
 
 TEST_F(Doctor, AcceptsAWorkerOfTheSameBuild) {

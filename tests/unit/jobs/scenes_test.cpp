@@ -23,6 +23,7 @@
 #include "common/spec/job_spec.h"
 #include "jobs/scenes/generate/mesh.h"
 #include "jobs/scenes/generate/profile.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf::scenes {
 namespace {
@@ -176,8 +177,8 @@ std::pair<double, double> radii(const Mesh& mesh, const Vec2& axis, double low, 
 }
 
 TEST(Scenes, AreTheCommittedBytesWhenMadeAgain) {
-  const fs::path folder = fs::path(testing::TempDir()) / "photonfarm-scenes-test";
-  fs::remove_all(folder);
+  const TempFolder temp;
+  const fs::path& folder = temp.path();
   ASSERT_TRUE(write_scenes(folder).has_value());
   std::size_t files = 0;
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -189,20 +190,18 @@ TEST(Scenes, AreTheCommittedBytesWhenMadeAgain) {
     ++files;
   }
   EXPECT_EQ(files, recipes().size());
-  fs::remove_all(folder);
 }
 
 TEST(Scenes, AreMadeAloneWhenNamed) {
-  const fs::path folder = fs::path(testing::TempDir()) / "photonfarm-scenes-only";
-  fs::remove_all(folder);
-  ASSERT_TRUE(write_scenes(folder, {"ring"}).has_value());
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder), {}), 1);
+  const TempFolder folder;
+  ASSERT_TRUE(write_scenes(folder.path(), {"ring"}).has_value());
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
   EXPECT_TRUE(fs::exists(folder / "ring.glb"));
-  fs::remove_all(folder);
 }
 
 TEST(Scenes, RefuseAnUnknownNameAndSayWhichExist) {
-  const auto done = write_scenes(testing::TempDir(), {"rings"});
+  const TempFolder folder;
+  const auto done = write_scenes(folder.path(), {"rings"});
   ASSERT_FALSE(done.has_value());
   EXPECT_EQ(done.error().kind, ErrorKind::kUsage);
   EXPECT_NE(done.error().message.find("'rings'"), std::string::npos);
@@ -210,12 +209,12 @@ TEST(Scenes, RefuseAnUnknownNameAndSayWhichExist) {
 }
 
 TEST(Scenes, CannotBeWrittenBelowAFile) {
-  const fs::path file = fs::path(testing::TempDir()) / "photonfarm-scenes-file";
+  const TempFolder folder;
+  const fs::path file = folder / "file";
   std::ofstream(file) << "x";
   const auto done = write_scenes(file / "inside");
   ASSERT_FALSE(done.has_value());
   EXPECT_EQ(done.error().kind, ErrorKind::kInternal);
-  fs::remove(file);
 }
 
 TEST(Scenes, HaveOneNamedPerspectiveCameraAndSomethingThatShines) {

@@ -12,6 +12,7 @@
 
 #include "common/math/philox.h"
 #include "common/math/sampling.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -20,19 +21,15 @@ namespace {
 class HdrFile {
  public:
   HdrFile(int width, int height, const std::vector<std::array<unsigned char, 4>>& pixels) {
-    path_ = std::filesystem::path(testing::TempDir()) /
-            ("pf_env_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".hdr");
     std::ofstream stream(path_, std::ios::binary);
     stream << "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y " << height << " +X " << width << "\n";
     for (const auto& pixel : pixels) stream.write(reinterpret_cast<const char*>(pixel.data()), 4);
   }
-  ~HdrFile() { std::filesystem::remove(path_); }
-  HdrFile(const HdrFile&) = delete;
-  HdrFile& operator=(const HdrFile&) = delete;
   [[nodiscard]] std::string path() const { return path_.string(); }
 
  private:
-  std::filesystem::path path_;
+  TempFolder folder_;
+  std::filesystem::path path_ = folder_ / "environment.hdr";
 };
 
 EnvironmentMap load(const std::string& file, const Rgb& scale = Rgb(1.0f)) {
@@ -218,10 +215,10 @@ TEST(Environment, NamesTheFileThatItCannotRead) {
   expect_error(short_file.path());
   const HdrFile huge(1 << 20, 1 << 20, {rgbe(1, 2, 3)});
   expect_error(huge.path());
-  const std::string text = testing::TempDir() + "pf_env_text.hdr";
+  const TempFolder folder;
+  const std::string text = (folder / "text.hdr").string();
   std::ofstream(text) << "not an image";
   expect_error(text);
-  std::filesystem::remove(text);
 }
 
 TEST(Environment, TakesNonFiniteAndNegativePixelsAsBlackAndSaysSo) {

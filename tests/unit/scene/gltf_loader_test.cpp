@@ -6,9 +6,9 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "tests/unit/scene/gltf_builder.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -90,7 +90,8 @@ TEST(GltfNodes, SceneIsChosenByNameOrIndexAndUnknownOnesListThem) {
   GltfBuilder b = triangle();
   b.json["nodes"].push_back({{"mesh", 0}, {"translation", {7, 0, 0}}});
   b.json["scenes"] = {{{"name", "left"}, {"nodes", {0}}}, {{"name", "right"}, {"nodes", {1}}}};
-  const fs::path file = fs::temp_directory_path() / ("pf_gltf_scene_" + std::to_string(::getpid()) + ".glb");
+  const TempFolder folder;
+  const fs::path file = folder / "scene.glb";
   const auto bytes = b.glb();
   std::ofstream(file, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -105,7 +106,6 @@ TEST(GltfNodes, SceneIsChosenByNameOrIndexAndUnknownOnesListThem) {
   ASSERT_FALSE(unknown.has_value());
   EXPECT_NE(unknown.error().message.find("no scene \"middle\"; the file has \"left\" (0), \"right\" (1)"),
             std::string::npos);
-  fs::remove(file);
 }
 
 TEST(GltfNodes, SkinPutsVerticesWhereTheirJointsAre) {
@@ -331,8 +331,8 @@ TEST(GltfDraco, CountsOtherThanTheAccessorsSayAreRefused) {
 }
 
 TEST(GltfFolder, LinksOutOfTheRootAreRefused) {
-  const fs::path folder = fs::temp_directory_path() / ("pf_gltf_root_" + std::to_string(::getpid()));
-  fs::remove_all(folder);
+  const TempFolder temp;
+  const fs::path& folder = temp.path();
   fs::create_directories(folder / "job");
   std::ofstream(folder / "secret.bin", std::ios::binary) << std::string(36, '\0');
   fs::create_symlink(folder / "secret.bin", folder / "job/inside.bin");
@@ -347,7 +347,6 @@ TEST(GltfFolder, LinksOutOfTheRootAreRefused) {
   EXPECT_FALSE(load_gltf({.file = folder / "job/scene.gltf", .root = folder / "elsewhere"}).has_value());
   EXPECT_FALSE(load_gltf({.file = folder / "job/none.gltf"}).has_value());
   EXPECT_FALSE(load_gltf({.file = folder / "job"}).has_value());
-  fs::remove_all(folder);
 }
 
 TEST(GltfFolder, UnknownCameraListsThoseOfTheScene) {
@@ -355,7 +354,8 @@ TEST(GltfFolder, UnknownCameraListsThoseOfTheScene) {
   b.json["cameras"] = {
       {{"type", "perspective"}, {"name", "door"}, {"perspective", {{"yfov", 1}, {"znear", 1}}}}};
   b.json["nodes"][0]["camera"] = 0;
-  const fs::path file = fs::temp_directory_path() / ("pf_gltf_camera_" + std::to_string(::getpid()) + ".glb");
+  const TempFolder folder;
+  const fs::path file = folder / "camera.glb";
   const auto bytes = b.glb();
   std::ofstream(file, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -363,7 +363,6 @@ TEST(GltfFolder, UnknownCameraListsThoseOfTheScene) {
   const auto unknown = load_gltf({.file = file, .camera = "window"});
   ASSERT_FALSE(unknown.has_value());
   EXPECT_NE(unknown.error().message.find("no camera \"window\"; the scene has \"door\""), std::string::npos);
-  fs::remove(file);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 
 #include "common/math/philox.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -294,7 +295,8 @@ TEST(TextureStore, DamagedBytesNeverCrash) {
 }
 
 TEST(TextureStore, ReadsFilesAndSharesThemBetweenTextures) {
-  const std::string file = testing::TempDir() + "pf_texture_store.png";
+  const TempFolder folder;
+  const std::string file = (folder / "grey.png").string();
   const Bytes png = encode<std::uint8_t>("png", 1, 1, 1, {128});
   std::ofstream(file, std::ios::binary)
       .write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));

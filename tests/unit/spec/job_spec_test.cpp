@@ -1,10 +1,11 @@
 #include "common/spec/job_spec.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -264,15 +265,8 @@ TEST(SpecHash, ChangesWithWhatDecidesTheImage) {
 
 class LoadJob : public testing::Test {
  protected:
-  LoadJob() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "pf_spec_XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
-  }
-  ~LoadJob() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  std::filesystem::path folder_;
+  TempFolder temp_;
+  const std::filesystem::path& folder_ = temp_.path();
 };
 
 TEST_F(LoadJob, ReadsTomlAndJsonByTheirExtension) {
