@@ -7,10 +7,12 @@
 
 #include "build_id.h"
 #include "common/base/clock.h"
+#include "common/base/log.h"
 #include "common/spec/job_spec.h"
 #include "worker/plan/plan.h"
 #include "worker/progress.h"
 #include "worker/render_job.h"
+#include "worker/serve.h"
 
 namespace pf {
 namespace {
@@ -22,6 +24,9 @@ struct Options {
   std::string out = "out";
   bool resume = false;
   bool json = false;
+  // serve
+  std::string engine, credentials, name, cache = "cache";
+  std::uint64_t cache_gib = 8;
 };
 
 int report_error(const WorkerContext& context, const Error& error) {
@@ -42,7 +47,7 @@ int render(const WorkerContext& context, const Options& options) {
   if (!result) return report_error(context, result.error());
   for (const std::string& warning : result->warnings) context.err << "warning: " << warning << '\n';
   if (options.json) {
-    context.out << result_json(*spec, *result);
+    context.out << result_json(spec->job.name, *result);
   } else {
     context.out << fmt::format("{} passes, {} photon paths in {:.1f} s; estimated relative error {:.2g}\n{}\n{}\n{}\n",
                                result->passes, short_number(static_cast<double>(result->photon_paths)),
@@ -67,6 +72,34 @@ int show_plan(const WorkerContext& context, const Options& options) {
     context.out << plan_text(*spec, facts, *plan);
   }
   return 0;
+}
+
+int serve(const WorkerContext& context, const Options& options) {
+  ServeOptions serving;
+  if (!options.credentials.empty()) {
+    auto credentials = load_credentials(options.credentials);
+    if (!credentials) return report_error(context, credentials.error());
+    serving.engine = std::move(*credentials);
+  }
+  if (!options.engine.empty()) serving.engine.url = options.engine;
+  if (!options.name.empty()) serving.engine.name = options.name;
+  serving.threads = options.threads;
+  serving.cache = options.cache;
+  serving.cache_bytes = options.cache_gib << 30;
+  serving.interrupted = context.interrupted;
+  const Log log;
+  const auto served = serve_farm(serving, log);
+  return served ? 0 : report_error(context, served.error());
+}
+
+void add_serve_options(CLI::App& command, Options& options) {
+  command.add_option("--engine", options.engine, "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
+  command.add_option("--credentials", options.credentials, "file that photonfarm farm init made for this worker");
+  command.add_option("--name", options.name, "this worker's name, [A-Za-z0-9_-]; by default the credentials' one");
+  command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
+  command.add_option("--cache", options.cache, "folder for scenes; may be shared by the workers of a machine")->capture_default_str();
+  command.add_option("--cache-gib", options.cache_gib, "bound of that folder")->capture_default_str()->check(CLI::Range(1, 100000));
+  command.footer("Example:\n  photonfarm-worker serve --credentials worker-1.toml --threads 1 --cache /var/cache/photonfarm");
 }
 
 }  // namespace
@@ -94,6 +127,9 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
   add_common(plan_command);
   plan_command.footer("Example:\n  photonfarm plan jobs/glass-caustic.toml");
 
+  CLI::App& serve_command = *app.add_subcommand("serve", "trace units of a farm's jobs until told to stop");
+  add_serve_options(serve_command, options);
+
   std::vector<std::string> reversed(arguments.rbegin(), arguments.rend());  // what CLI11 wants
   try {
     app.parse(reversed);
@@ -101,6 +137,7 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
     const int code = app.exit(error, context.out, context.err);
     return code == 0 ? 0 : exit_code(ErrorKind::kUsage);
   }
+  if (serve_command.parsed()) return serve(context, options);
   return render_command.parsed() ? render(context, options) : show_plan(context, options);
 }
 

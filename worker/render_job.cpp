@@ -1,18 +1,14 @@
 #include "worker/render_job.h"
 
 #include <algorithm>
-#include <cmath>
-#include <span>
 #include <thread>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include "build_id.h"
 #include "common/base/atomic_file.h"
-#include "common/base/hash.h"
 #include "common/base/memory.h"
 #include "worker/integrators/path.h"
 #include "worker/integrators/sppm.h"
@@ -21,16 +17,6 @@
 
 namespace pf {
 namespace {
-
-/// Where the job's files go.
-struct OutputPaths {
-  std::filesystem::path exr, png, json, checkpoint;
-  OutputPaths(const std::filesystem::path& folder, const std::string& name)
-      : exr(folder / (name + ".exr")),
-        png(folder / (name + ".png")),
-        json(folder / (name + ".json")),
-        checkpoint(folder / (name + ".checkpoint")) {}
-};
 
 Result<const Camera*> choose_camera(const Scene& scene, const std::string& name) {
   const std::vector<Camera>& cameras = scene.cameras();
@@ -46,11 +32,6 @@ Result<const Camera*> choose_camera(const Scene& scene, const std::string& name)
 /// Names what a checkpoint belongs to.
 std::string identity_of(const LoadedJob& job) {
   return fmt::format("spec {} scene {} build {}", image_hash_of_spec(job.spec), job.scene_hash, kBuildId);
-}
-
-std::string hash_of_beauty(const LayeredImage& image) {
-  const std::vector<float>& data = image.layers.front().data;
-  return sha256_hex(std::as_bytes(std::span(data)));
 }
 
 /// The loop over rounds of one job.
@@ -75,10 +56,7 @@ class Rendering {
       job_.integrator->run({film_.sub_passes(), 1}, film_.state(), film_.sums());
       film_.close_round_if_complete();
       if (film_.sums().faults.overflow > 0) {
-        return fail(ErrorKind::kInternal,
-                    fmt::format("{}: {} contributions exceed the range of the exact sums; a light is more than 10^8 times "
-                                "brighter than the scene's mean: check its intensity and size",
-                                job_.spec.job.name, film_.sums().faults.overflow));
+        return fail(ErrorKind::kInternal, overflow_message(job_.spec.job.name, film_.sums().faults.overflow));
       }
       report();
       if (request_.interrupted != nullptr && request_.interrupted->load()) return interrupted();
@@ -150,46 +128,19 @@ class Rendering {
     const double written_from = clock_.now();
     RenderResult result;
     result.render_seconds = written_from - render_start_;
-    const Statistics& sums = film_.sums();
-    LayeredImage image = film_.image();
-    result.image_hash = hash_of_beauty(image);
-    result.error = film_.estimated_error();
-    result.passes = sums.sub_passes;
-    result.rounds = film_.rounds();
-    result.photon_paths = sums.photon_paths;
-    result.photons_stored = sums.photons_stored;
-    result.rays = sums.rays;
     result.load_seconds = job_.load_seconds;
-    result.warnings = job_.scene->warnings();
-    result.warnings.insert(result.warnings.end(), job_.plan.warnings.begin(), job_.plan.warnings.end());
-    if (sums.faults.not_finite > 0) {
-      result.warnings.push_back(fmt::format("{} contributions were NaN or infinite and are missing in the image",
-                                            sums.faults.not_finite));
-    }
-    image.metadata = {{"job", job_.spec.job.name},
-                      {"spec_hash", image_hash_of_spec(job_.spec)},
-                      {"scene_hash", job_.scene_hash},
-                      {"seed", fmt::format("{}", job_.spec.integrator.seed)},
-                      {"passes", fmt::format("{}", result.passes)},
-                      {"rounds", fmt::format("{}", result.rounds)},
-                      {"photons", fmt::format("{}", result.photon_paths)},
-                      {"build_id", kBuildId},
-                      {"plan", plan_line(job_.plan)},
-                      {"spec", canonical_json(job_.spec)}};
-    if (auto done = write_exr(paths_.exr, image); !done) return tl::unexpected(done.error());
-    auto beauty = rgb_pixels(image.layers.front());
-    if (!beauty) return tl::unexpected(beauty.error());
-    if (auto done = write_png(paths_.png, image.width, image.height, *beauty,
-                              static_cast<float>(job_.spec.image.exposure));
-        !done) {
-      return tl::unexpected(done.error());
-    }
-    result.exr = paths_.exr;
-    result.png = paths_.png;
-    result.json = paths_.json;
+    result.warnings = job_.warnings();
+    const ResultLabels labels{.name = job_.spec.job.name,
+                              .exposure = static_cast<float>(job_.spec.image.exposure),
+                              .spec_hash = image_hash_of_spec(job_.spec),
+                              .scene_hash = job_.scene_hash,
+                              .plan = plan_line(job_.plan),
+                              .spec_json = canonical_json(job_.spec),
+                              .seed = job_.spec.integrator.seed};
+    if (auto done = write_images(film_, labels, request_.out, result); !done) return tl::unexpected(done.error());
     result.write_seconds = clock_.now() - written_from;
     result.peak_bytes = peak_resident_bytes();
-    if (auto done = write_file_atomically(paths_.json, result_json(job_.spec, result)); !done) {
+    if (auto done = write_file_atomically(paths_.json, result_json(job_.spec.job.name, result)); !done) {
       return tl::unexpected(done.error());
     }
     // A finished job keeps its checkpoint: more passes can be added with --resume.
@@ -235,6 +186,12 @@ Result<SceneDescription> load_scene_of_job(const JobSpec& spec) {
   return description;
 }
 
+std::vector<std::string> LoadedJob::warnings() const {
+  std::vector<std::string> all = scene->warnings();
+  all.insert(all.end(), plan.warnings.begin(), plan.warnings.end());
+  return all;
+}
+
 Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   const double start = clock.now();
   LoadedJob job;
@@ -273,30 +230,6 @@ Result<RenderResult> render_job(const RenderRequest& request, const Clock& clock
     result = job ? Rendering(request, *job, clock, progress).run() : tl::unexpected(job.error());
   });
   return result;
-}
-
-std::string result_json(const JobSpec& spec, const RenderResult& r) {
-  const auto rate = [&](std::uint64_t count) {
-    return r.render_seconds > 0 ? static_cast<double>(count) / r.render_seconds : 0.0;
-  };
-  nlohmann::json json = {
-      {"job", spec.job.name},
-      {"exr", r.exr.string()},
-      {"png", r.png.string()},
-      {"image_hash", r.image_hash},
-      {"passes", r.passes},
-      {"rounds", r.rounds},
-      {"photon_paths", r.photon_paths},
-      {"photons_stored", r.photons_stored},
-      {"rays", r.rays},
-      {"seconds", {{"load", r.load_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
-      {"rays_per_second", rate(r.rays)},
-      {"photons_per_second", rate(r.photon_paths)},
-      {"peak_bytes", r.peak_bytes},
-      {"warnings", r.warnings},
-      {"build_id", kBuildId}};
-  json["estimated_error"] = std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json(nullptr);
-  return json.dump(2) + "\n";
 }
 
 }  // namespace pf

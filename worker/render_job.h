@@ -9,7 +9,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/render_result.h"
 #include "common/spec/job_spec.h"
 #include "worker/integrators/integrator.h"
 #include "worker/plan/plan.h"
@@ -29,7 +29,8 @@ struct LoadedJob {
   std::unique_ptr<const Scene> scene;
   std::unique_ptr<const Integrator> integrator;
   double load_seconds = 0;
-  std::size_t triangles = 0;
+  /// Of the scene and the plan.
+  [[nodiscard]] std::vector<std::string> warnings() const;
 };
 [[nodiscard]] Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock);
 
@@ -41,24 +42,10 @@ struct RenderRequest {
   const std::atomic<bool>* interrupted = nullptr;
 };
 
-/// Figures of a finished (or stopped) job, and where its files lie.
-struct RenderResult {
-  std::filesystem::path exr, png, json;
-  std::string image_hash;                       ///< SHA-256 of the beauty's floats: equal images, equal hashes
-  std::uint64_t passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0;
-  double load_seconds = 0, render_seconds = 0, write_seconds = 0;
-  double error = 0;
-  std::uint64_t peak_bytes = 0;
-  std::vector<std::string> warnings;
-};
-
 /// Renders a job on this machine: rounds of sub-passes until the first stop condition, checkpoints on the way, then
 /// EXR, PNG and JSON into `out`. Time limits are met on a sub-pass's border: no sub-pass is begun that would end too
 /// late. Errors: of spec and scene; kInterrupted with a checkpoint left; kInternal for full disks and overflow.
 [[nodiscard]] Result<RenderResult> render_job(const RenderRequest& request, const Clock& clock,
                                               const std::function<void(const Progress&)>& progress);
-
-/// The result as the JSON document that `--json` prints and that stands beside the image.
-[[nodiscard]] std::string result_json(const JobSpec& spec, const RenderResult& result);
 
 }  // namespace pf

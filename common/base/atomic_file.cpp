@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -19,6 +20,7 @@ namespace fs = std::filesystem;
 class FileDescriptor {
  public:
   explicit FileDescriptor(int fd) : fd_(fd) {}
+  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   FileDescriptor(const FileDescriptor&) = delete;
   FileDescriptor& operator=(const FileDescriptor&) = delete;
   ~FileDescriptor() {
@@ -64,16 +66,63 @@ fs::path folder_of(const fs::path& file) {
 
 /// `.NAME.<random>.tmp.EXT`: hidden, recognisable, and with the extension by which image libraries choose a
 /// format.
-Result<fs::path> temporary_name(const fs::path& file) {
-  std::uint64_t random = 0;
-  if (::getrandom(&random, sizeof random, 0) != static_cast<ssize_t>(sizeof random)) {
-    return system_failure(ErrorKind::kInternal, file, "cannot name a temporary file");
+struct TemporaryName {
+  static constexpr std::size_t kDigits = 16;
+  std::string before, after;
+
+  explicit TemporaryName(const fs::path& file) {
+    constexpr std::size_t kMaxStem = 100, kMaxExtension = 32;  // the whole stays below NAME_MAX = 255
+    std::string extension = file.extension().string();
+    if (extension.size() > kMaxExtension) extension.clear();
+    before = fmt::format(".{}.", file.filename().string().substr(0, kMaxStem));
+    after = fmt::format(".tmp{}", extension);
   }
-  constexpr std::size_t kMaxStem = 100, kMaxExtension = 32;  // the whole stays below NAME_MAX = 255
-  std::string extension = file.extension().string();
-  if (extension.size() > kMaxExtension) extension.clear();
-  const std::string stem = file.filename().string().substr(0, kMaxStem);
-  return folder_of(file) / fmt::format(".{}.{:016x}.tmp{}", stem, random, extension);
+  [[nodiscard]] std::string with(std::uint64_t random) const {
+    return fmt::format("{}{:0{}x}{}", before, random, kDigits, after);
+  }
+  [[nodiscard]] bool matches(std::string_view name) const {
+    if (name.size() != before.size() + kDigits + after.size()) return false;
+    if (!name.starts_with(before) || !name.ends_with(after)) return false;
+    return name.substr(before.size(), kDigits).find_first_not_of("0123456789abcdef") ==
+           std::string_view::npos;
+  }
+};
+
+/// Removes what killed processes have left of earlier writes of the same file. A writer holds a lock on its
+/// temporary file until that is renamed, and the lock goes when its process does; a process id would not do,
+/// because the folder may be shared with other machines. What cannot be locked stays.
+void remove_leftovers(const fs::path& folder, const TemporaryName& name) {
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (!name.matches(entry->path().filename().native())) continue;
+    const FileDescriptor fd(::open(entry->path().c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+    if (fd.valid() && ::flock(fd.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(entry->path().c_str());
+  }
+}
+
+struct Created {
+  FileDescriptor lock;
+  fs::path path;
+};
+
+/// Makes an empty temporary file and locks it.
+Result<Created> create_temporary(const fs::path& file, const TemporaryName& name, ::mode_t mode) {
+  while (true) {
+    std::uint64_t random = 0;
+    if (::getrandom(&random, sizeof random, 0) != static_cast<ssize_t>(sizeof random)) {
+      return system_failure(ErrorKind::kInternal, file, "cannot name a temporary file");
+    }
+    fs::path path = folder_of(file) / name.with(random);
+    FileDescriptor fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+    if (!fd.valid()) return system_failure(ErrorKind::kInternal, file, "cannot write");
+    // A file system without locks removes no leftovers either, so a failure does no harm.
+    while (::flock(fd.get(), LOCK_EX) != 0 && errno == EINTR) {
+    }
+    struct ::stat status = {};
+    if (::fstat(fd.get(), &status) != 0) return system_failure(ErrorKind::kInternal, file, "cannot write");
+    if (status.st_nlink > 0) return Created{std::move(fd), std::move(path)};
+    // Another writer took it for a leftover before it was locked.
+  }
 }
 
 bool write_all(int fd, std::string_view bytes) {
@@ -103,13 +152,11 @@ Result<void> write_file_atomically(const fs::path& file, const FileWriter& write
     return fail(ErrorKind::kInternal,
                 fmt::format("{}: cannot write; expected the name of a file", file.string()));
   }
-  const auto name = temporary_name(file);
-  if (!name) return tl::unexpected(name.error());
-  const ::mode_t mode = access == FileAccess::kOwnerOnly ? 0600 : 0666;
-  FileDescriptor created(::open(name->c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
-  if (!created.valid()) return system_failure(ErrorKind::kInternal, file, "cannot write");
-  TemporaryFile temporary(*name);
-  if (!created.close()) return system_failure(ErrorKind::kInternal, file, "cannot write");
+  const TemporaryName name(file);
+  remove_leftovers(folder_of(file), name);
+  const auto created = create_temporary(file, name, access == FileAccess::kOwnerOnly ? 0600 : 0666);
+  if (!created) return tl::unexpected(created.error());
+  TemporaryFile temporary(created->path);
 
   if (auto written = write(temporary.path()); !written) return written;
 

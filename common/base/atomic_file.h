@@ -23,15 +23,16 @@ enum class FileAccess {
 ///
 /// On any error up to the rename, a full disk included, the old file is as it was and the temporary one is
 /// removed. An error of the folder's fsync is reported too, but leaves the new file in place. A process
-/// killed while it writes leaves its temporary file behind. Errors: kInternal.
+/// killed while it writes leaves its temporary file behind; the next write of the same file removes it, but
+/// never one that a living process is writing. Errors: kInternal.
 [[nodiscard]] Result<void> write_file_atomically(const std::filesystem::path& file, std::string_view bytes,
                                                  FileAccess access = FileAccess::kByUmask);
 [[nodiscard]] Result<void> write_file_atomically(const std::filesystem::path& file,
                                                  std::span<const std::byte> bytes,
                                                  FileAccess access = FileAccess::kByUmask);
 
-/// Writes the file at the path that it is given. That file exists already, empty; it may be overwritten or
-/// replaced.
+/// Writes the file at the path that it is given. That file exists already, empty, and is locked: it must be
+/// overwritten, not replaced by another one.
 using FileWriter = std::function<Result<void>(const std::filesystem::path& temporary)>;
 
 /// The same for a library that wants a path to write to. An error of `write` is returned unchanged.

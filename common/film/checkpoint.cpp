@@ -1,14 +1,17 @@
-// Checkpoint of a film, little-endian, packed:
-//   8 bytes   "PFCKPT01"
-//   u32       length of identity, then its bytes
-//   Header    see below
-//   u64       bytes of the payload before compression
-//   u64       bytes of the compressed payload, then those: zstd of the states, then the pixel sums
-//   u64       XXH3-64 of everything before
-// A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there.
+// Checkpoint of a film, little-endian:
+//   8 bytes   "PFCKPT03"
+//   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), then the states,
+//             the pixel sums and the features, packed
+//   64 bytes  SHA-256 of everything before, hexadecimal
+// A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there. Both ways stream: beside
+// the film itself no more than a buffer is held.
 
 #include <bit>
+#include <cerrno>
+#include <cstdio>
 #include <cstring>
+#include <memory>
+#include <span>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -22,9 +25,11 @@ namespace pf {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
-constexpr std::string_view kMagic = "PFCKPT01";
-/// Larger than any film of 2^28 pixels; bounds what a damaged length can make us allocate.
-constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 36;
+constexpr std::string_view kMagic = "PFCKPT03";
+constexpr std::size_t kDigestBytes = 64;
+/// Of identity and attachment: bounds what a damaged length can make us allocate.
+constexpr std::uint32_t kMaxTextBytes = 1u << 26;
+constexpr std::int64_t kMaxFilmPixels = std::int64_t{1} << 28;
 
 struct Header {
   std::int32_t width, height;
@@ -34,91 +39,185 @@ struct Header {
   std::uint64_t round_begin, rounds, sub_passes, photon_paths, photons_stored, rays, not_finite, overflow;
 };
 static_assert(std::is_trivially_copyable_v<ProgressivePixel> && sizeof(ProgressivePixel) == 44);
-static_assert(std::is_trivially_copyable_v<PixelSums> && sizeof(PixelSums) == 120);
+static_assert(std::is_trivially_copyable_v<PixelSums> && sizeof(PixelSums) == 88);
+static_assert(std::is_trivially_copyable_v<FeatureSums> && sizeof(FeatureSums) == 16);
 
-template <typename T>
-void append(std::string& out, const T* values, std::size_t count) {
-  out.append(reinterpret_cast<const char*>(values), count * sizeof(T));
-}
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
 
-/// Takes values off the front of a text; false when it is too short.
-struct Reader {
-  std::string_view rest;
+class Writer {
+ public:
+  explicit Writer(const std::filesystem::path& file)
+      : file_(std::fopen(file.c_str(), "wb")), context_(ZSTD_createCCtx()), buffer_(ZSTD_CStreamOutSize(), '\0') {
+    ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_compressionLevel, 1);
+    if (file_) raw(kMagic);
+  }
   template <typename T>
-  bool take(T* values, std::size_t count) {
-    if (rest.size() / sizeof(T) < count) return false;
-    std::memcpy(values, rest.data(), count * sizeof(T));
-    rest.remove_prefix(count * sizeof(T));
+  void put(const T* values, std::size_t count) {
+    compress({values, count * sizeof(T), 0}, ZSTD_e_continue);
+  }
+  void put_text(const std::string& text) {
+    const auto length = static_cast<std::uint32_t>(text.size());
+    put(&length, 1);
+    put(text.data(), text.size());
+  }
+  /// False when anything before went wrong; errno says what.
+  [[nodiscard]] bool finish() {
+    compress({nullptr, 0, 0}, ZSTD_e_end);
+    const std::string digest = hash_.hex();
+    raw(digest);
+    return file_ && good_ && std::fflush(file_.get()) == 0;
+  }
+
+ private:
+  void compress(ZSTD_inBuffer in, ZSTD_EndDirective directive) {
+    while (good_) {
+      ZSTD_outBuffer out{buffer_.data(), buffer_.size(), 0};
+      const std::size_t left = ZSTD_compressStream2(context_.get(), &out, &in, directive);
+      if (ZSTD_isError(left) != 0U) {
+        errno = ENOMEM;
+        good_ = false;
+        return;
+      }
+      raw({buffer_.data(), out.pos});
+      if (directive == ZSTD_e_end ? left == 0 : in.pos == in.size) return;
+    }
+  }
+  void raw(std::string_view bytes) {
+    hash_.update(bytes);
+    good_ = good_ && file_ && std::fwrite(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size();
+  }
+
+  struct FreeContext {
+    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+  };
+  File file_;
+  std::unique_ptr<ZSTD_CCtx, FreeContext> context_;
+  std::string buffer_;
+  Sha256 hash_;
+  bool good_ = true;
+};
+
+/// Reads back what Writer wrote; every take is false when the file is too short or broken.
+class Reader {
+ public:
+  explicit Reader(std::FILE* file) : file_(file), context_(ZSTD_createDCtx()), buffer_(ZSTD_DStreamInSize(), '\0') {}
+  template <typename T>
+  [[nodiscard]] bool take(T* values, std::size_t count) {
+    ZSTD_outBuffer out{values, count * sizeof(T), 0};
+    while (out.pos < out.size) {
+      if (!decompress(out)) return false;
+    }
     return true;
   }
+  [[nodiscard]] bool take_text(std::string& text) {
+    std::uint32_t length = 0;
+    if (!take(&length, 1) || length > kMaxTextBytes) return false;
+    text.resize(length);
+    return take(text.data(), length);
+  }
+  /// True when the frame ends here.
+  [[nodiscard]] bool at_end() {
+    char extra = 0;
+    ZSTD_outBuffer out{&extra, 1, 0};
+    while (out.pos == 0 && !frame_done_) {
+      if (!decompress(out)) return false;
+    }
+    return out.pos == 0;
+  }
+
+ private:
+  bool decompress(ZSTD_outBuffer& out) {
+    if (frame_done_) return false;
+    const std::size_t before = out.pos;
+    const std::size_t left = ZSTD_decompressStream(context_.get(), &out, &in_);
+    if (ZSTD_isError(left) != 0U) return false;
+    frame_done_ = left == 0;
+    if (out.pos > before || frame_done_) return true;
+    const std::size_t got = std::fread(buffer_.data(), 1, buffer_.size(), file_);
+    in_ = {buffer_.data(), got, 0};
+    return got > 0;
+  }
+
+  struct FreeContext {
+    void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
+  };
+  std::FILE* file_;
+  std::unique_ptr<ZSTD_DCtx, FreeContext> context_;
+  std::string buffer_;
+  ZSTD_inBuffer in_{nullptr, 0, 0};
+  bool frame_done_ = false;
 };
+
+/// True when the digest at the end is that of the rest. Leaves the file after the magic.
+bool is_whole(std::FILE* file) {
+  Sha256 hash;
+  std::string buffer(std::size_t{1} << 18, '\0');
+  std::string tail;  // may be the digest
+  std::string start;
+  while (true) {
+    const std::size_t got = std::fread(buffer.data(), 1, buffer.size(), file);
+    if (got == 0) break;
+    if (start.empty()) start = buffer.substr(0, std::min(got, kMagic.size()));
+    tail.append(buffer.data(), got);
+    if (tail.size() > kDigestBytes) {
+      hash.update(std::string_view(tail).substr(0, tail.size() - kDigestBytes));
+      tail.erase(0, tail.size() - kDigestBytes);
+    }
+  }
+  return start == kMagic && tail == hash.hex() && std::fseek(file, static_cast<long>(kMagic.size()), SEEK_SET) == 0;
+}
+
+bool is_sane(const Header& h) {
+  return h.width > 0 && h.height > 0 && std::int64_t{h.width} * h.height <= kMaxFilmPixels &&
+         h.estimator <= static_cast<std::uint32_t>(Estimator::kIndependent);
+}
 
 }  // namespace
 
-Result<void> Film::save(const std::filesystem::path& file, const std::string& identity) const {
-  std::string out(kMagic);
-  const auto length = static_cast<std::uint32_t>(identity.size());
-  append(out, &length, 1);
-  out += identity;
+Result<void> Film::save(const std::filesystem::path& file, const std::string& identity, const std::string& attachment) const {
   const Header header{options_.width, options_.height, static_cast<std::uint32_t>(options_.estimator), has_radii_,
                       options_.scale.radiance, options_.scale.flow, options_.scale.square, options_.scale.depth,
                       options_.alpha, options_.round_growth, round_begin_, rounds_, sums_.sub_passes,
                       sums_.photon_paths, sums_.photons_stored, sums_.rays, sums_.faults.not_finite,
                       sums_.faults.overflow};
-  append(out, &header, 1);
-  std::string payload;
-  append(payload, state_.data(), state_.size());
-  append(payload, sums_.pixels.data(), sums_.pixels.size());
-  std::string packed(ZSTD_compressBound(payload.size()), '\0');
-  const std::size_t bytes = ZSTD_compress(packed.data(), packed.size(), payload.data(), payload.size(), 1);
-  if (ZSTD_isError(bytes) != 0U) return fail(ErrorKind::kInternal, fmt::format("{}: zstd: {}", file.string(), ZSTD_getErrorName(bytes)));
-  const std::uint64_t sizes[2] = {payload.size(), bytes};
-  append(out, sizes, 2);
-  out.append(packed.data(), bytes);
-  const std::uint64_t check = xxh3_64(std::string_view(out));
-  append(out, &check, 1);
-  return write_file_atomically(file, std::string_view(out));
+  return write_file_atomically(file, [&](const std::filesystem::path& temporary) -> Result<void> {
+    Writer out(temporary);
+    out.put_text(identity);
+    out.put_text(attachment);
+    out.put(&header, 1);
+    out.put(state_.data(), state_.size());
+    out.put(sums_.pixels.data(), sums_.pixels.size());
+    out.put(sums_.features.data(), sums_.features.size());
+    if (out.finish()) return {};
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot write: {}", file.string(), std::strerror(errno)));
+  });
 }
 
-Result<Film> Film::load(const std::filesystem::path& file, const std::string& identity) {
-  auto text = read_file(file, kMaxBytes);
-  if (!text) return tl::unexpected(text.error());
+Result<Film> Film::load(const std::filesystem::path& file, const std::string& identity, std::string* attachment) {
+  const File stream(std::fopen(file.c_str(), "rb"));
+  if (!stream) return fail(ErrorKind::kInvalidInput, fmt::format("{}: cannot read: {}", file.string(), std::strerror(errno)));
   const auto broken = [&](std::string_view why) {
     return fail(ErrorKind::kInvalidInput, fmt::format("{}: not a whole checkpoint: {}", file.string(), why));
   };
-  std::uint64_t check = 0;
-  if (text->size() < kMagic.size() + sizeof(check) || !std::string_view(*text).starts_with(kMagic)) return broken("no header");
-  const std::string_view body(text->data(), text->size() - sizeof(check));
-  std::memcpy(&check, text->data() + body.size(), sizeof(check));
-  if (check != xxh3_64(body)) return broken("checksum differs");
-  Reader reader{body.substr(kMagic.size())};
-  std::uint32_t length = 0;
-  if (!reader.take(&length, 1) || reader.rest.size() < length) return broken("identity cut short");
-  if (reader.rest.substr(0, length) != identity) {
+  if (!is_whole(stream.get())) return broken("checksum differs");
+  Reader in(stream.get());
+  std::string found;
+  std::string attached;
+  if (!in.take_text(found)) return broken("identity cut short");
+  if (found != identity) {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: is of another job, scene or build ({}); expected {}", file.string(),
-                            reader.rest.substr(0, length), identity));
+                fmt::format("{}: is of another job, scene or build ({}); expected {}", file.string(), found, identity));
   }
-  reader.rest.remove_prefix(length);
   Header h{};
-  std::uint64_t sizes[2] = {0, 0};
-  if (!reader.take(&h, 1) || !reader.take(sizes, 2) || reader.rest.size() != sizes[1] || sizes[0] > kMaxBytes) {
-    return broken("sizes disagree");
-  }
-  if (h.width <= 0 || h.height <= 0 || h.estimator > static_cast<std::uint32_t>(Estimator::kIndependent)) return broken("bad header");
-  FilmOptions options{h.width, h.height, static_cast<Estimator>(h.estimator),
-                      SumScale{h.radiance, h.flow, h.square, h.depth}, h.alpha, h.round_growth};
-  const std::uint64_t pixels = static_cast<std::uint64_t>(h.width) * static_cast<std::uint64_t>(h.height);
-  const std::uint64_t states = options.estimator == Estimator::kPath ? 0 : pixels;
-  if (sizes[0] != states * sizeof(ProgressivePixel) + pixels * sizeof(PixelSums)) return broken("sizes disagree");
-  std::string payload(sizes[0], '\0');
-  const std::size_t bytes = ZSTD_decompress(payload.data(), payload.size(), reader.rest.data(), reader.rest.size());
-  if (ZSTD_isError(bytes) != 0U || bytes != payload.size()) return broken("payload does not decompress");
-  Film film(options);
-  Reader fields{payload};
-  if (!fields.take(film.state_.data(), film.state_.size()) ||
-      !fields.take(film.sums_.pixels.data(), film.sums_.pixels.size())) {
-    return broken("payload too short");
+  if (!in.take_text(attached) || !in.take(&h, 1) || !is_sane(h)) return broken("bad header");
+  Film film(FilmOptions{h.width, h.height, static_cast<Estimator>(h.estimator),
+                        SumScale{h.radiance, h.flow, h.square, h.depth}, h.alpha, h.round_growth});
+  if (!in.take(film.state_.data(), film.state_.size()) || !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
+      !in.take(film.sums_.features.data(), film.sums_.features.size()) || !in.at_end()) {
+    return broken("payload of another size");
   }
   film.has_radii_ = h.has_radii != 0;
   film.round_begin_ = h.round_begin;
@@ -128,6 +227,7 @@ Result<Film> Film::load(const std::filesystem::path& file, const std::string& id
   film.sums_.photons_stored = h.photons_stored;
   film.sums_.rays = h.rays;
   film.sums_.faults = {h.not_finite, h.overflow};
+  if (attachment != nullptr) *attachment = std::move(attached);
   return film;
 }
 

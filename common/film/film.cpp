@@ -34,20 +34,18 @@ FlowState Film::closed(std::size_t pixel, Flow flow) const {
 }
 
 void Film::close_round_if_complete() {
-  if (options_.estimator != Estimator::kShared) {
-    rounds_ = sums_.sub_passes;
-    return;
-  }
   if (sums_.sub_passes < round_end()) return;
-  for (std::size_t i = 0; i < state_.size(); ++i) {
+  for (std::size_t i = 0; options_.estimator == Estimator::kShared && i < state_.size(); ++i) {
     for (const Flow flow : {kCaustic, kIndirect}) {
       state_[i][flow] = closed(i, flow);
       sums_.pixels[i].photons[flow] = 0;
       sums_.pixels[i].flow[flow] = {};
     }
   }
-  round_begin_ = sums_.sub_passes;
-  ++rounds_;
+  do {  // one result may end several rounds of an estimator that has no barrier
+    round_begin_ = round_end();
+    ++rounds_;
+  } while (sums_.sub_passes >= round_end());
 }
 
 Rgb Film::flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const {
@@ -93,12 +91,13 @@ LayeredImage Film::image() const {
     put(caustics.data, i, flows[kCaustic]);
     put(indirect.data, i, flows[kIndirect]);
     put(beauty.data, i, direct_radiance + flows[kCaustic] + flows[kIndirect]);
-    const double feature = sums.features > 0 ? 1.0 / sums.features : 0.0;
+    const FeatureSums& met = sums_.features[i];
+    const double feature = met.samples() > 0 ? 1.0 / met.samples() : 0.0;
     for (std::size_t c = 0; c < 3; ++c) {
-      albedo.data[3 * i + c] = static_cast<float>(sums.albedo[c] * SumScale::kUnit * feature);
-      normal.data[3 * i + c] = static_cast<float>(sums.normal[c] * SumScale::kUnit * feature);
+      albedo.data[3 * i + c] = static_cast<float>(met.albedo[c] * SumScale::kUnit * feature);
+      normal.data[3 * i + c] = static_cast<float>(met.normal[c] * SumScale::kUnit * feature);
     }
-    depth.data[i] = static_cast<float>(sums.depth * options_.scale.depth * feature);
+    depth.data[i] = static_cast<float>(met.depth() * options_.scale.depth * feature);
   }
   LayeredImage image;
   image.width = options_.width;

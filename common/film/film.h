@@ -40,7 +40,8 @@ class Film {
 
   [[nodiscard]] std::uint64_t sub_passes() const { return sums_.sub_passes; }
   [[nodiscard]] std::uint64_t round_begin() const { return round_begin_; }
-  /// First sub-pass after the open round. Meaningful for kShared only: the other estimators have no rounds.
+  /// First sub-pass after the open round. Estimators without shared radii have rounds too: there they only say when
+  /// stop.error is looked at, so that a job ends after the same sub-pass wherever it runs.
   [[nodiscard]] std::uint64_t round_end() const { return round_begin_ + round_size(round_begin_, options_.round_growth); }
   [[nodiscard]] std::uint64_t rounds() const { return rounds_; }
   [[nodiscard]] const FilmOptions& options() const { return options_; }
@@ -56,9 +57,12 @@ class Film {
   /// Estimated square root of the mean relative squared error (variance only), as compare's relMSE weighs it.
   [[nodiscard]] double estimated_error() const;
 
-  /// Checkpoints: exact, whatever the moment; `identity` names job and scene and must match when read back.
-  [[nodiscard]] Result<void> save(const std::filesystem::path& file, const std::string& identity) const;
-  [[nodiscard]] static Result<Film> load(const std::filesystem::path& file, const std::string& identity);
+  /// Checkpoints: exact, whatever the moment; `identity` names job and scene and must match when read back. `attachment` is
+  /// the caller's own text, kept with the film in one atomic step.
+  [[nodiscard]] Result<void> save(const std::filesystem::path& file, const std::string& identity,
+                                  const std::string& attachment = {}) const;
+  [[nodiscard]] static Result<Film> load(const std::filesystem::path& file, const std::string& identity,
+                                         std::string* attachment = nullptr);
 
  private:
   [[nodiscard]] FlowState closed(std::size_t pixel, Flow flow) const;

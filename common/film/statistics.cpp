@@ -18,13 +18,20 @@ bool add_exact(T& sum, T value) {
 }
 
 bool add_pixel(PixelSums& sum, const PixelSums& p) {
-  bool exact = add_exact(sum.square, p.square) && add_exact(sum.depth, p.depth) && add_exact(sum.features, p.features);
+  bool exact = add_exact(sum.square, p.square);
   for (std::size_t c = 0; c < 3; ++c) {
-    exact = exact && add_exact(sum.direct[c], p.direct[c]) && add_exact(sum.albedo[c], p.albedo[c]) &&
-            add_exact(sum.normal[c], p.normal[c]);
+    exact = exact && add_exact(sum.direct[c], p.direct[c]);
     for (std::size_t f = 0; f < kFlows; ++f) exact = exact && add_exact(sum.flow[f][c], p.flow[f][c]);
   }
   for (std::size_t f = 0; f < kFlows; ++f) exact = exact && add_exact(sum.photons[f], p.photons[f]);
+  return exact;
+}
+
+bool add_features(FeatureSums& sum, const FeatureSums& f) {
+  bool exact = sum.samples() + f.samples() <= kFeatureSubPasses && add_exact(sum.depth_and_samples, f.depth_and_samples);
+  for (std::size_t c = 0; c < 3; ++c) {
+    exact = exact && add_exact(sum.albedo[c], f.albedo[c]) && add_exact(sum.normal[c], f.normal[c]);
+  }
   return exact;
 }
 
@@ -39,7 +46,7 @@ SumScale SumScale::from_scene(double mean_radiance, double photon_flux, double d
   scale.radiance = reference * kFraction;
   scale.flow = photon_flux > 0.0 ? power_of_two_near(photon_flux) * kFraction : scale.radiance;
   scale.square = reference * reference * 0x1p-16;
-  scale.depth = power_of_two_near(diagonal) * 0x1p-20;
+  scale.depth = power_of_two_near(diagonal) * 0x1p-18;
   return scale;
 }
 
@@ -51,6 +58,12 @@ Result<void> Statistics::add(const Statistics& other) {
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     if (!add_pixel(pixels[i], other.pixels[i])) {
       return fail(ErrorKind::kInternal, fmt::format("statistics: sums of pixel {} overflow", i));
+    }
+  }
+  if (features.empty()) features.resize(other.features.size());
+  for (std::size_t i = 0; i < other.features.size(); ++i) {
+    if (!add_features(features[i], other.features[i])) {
+      return fail(ErrorKind::kInternal, fmt::format("statistics: features of pixel {} overflow", i));
     }
   }
   sub_passes += other.sub_passes;

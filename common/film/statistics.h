@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -22,10 +24,27 @@ struct PixelSums {
   std::array<std::array<std::int64_t, 3>, kFlows> flow{};  ///< flux (shared mode) or radiance (independent, path)
   std::int64_t square = 0;                                 ///< squared luminance, for the error estimate
   std::array<std::uint32_t, kFlows> photons{};             ///< photons found (M of the papers)
-  std::array<std::int32_t, 3> albedo{};
-  std::array<std::int32_t, 3> normal{};
-  std::int32_t depth = 0;
-  std::uint32_t features = 0;                              ///< eye samples in albedo, normal and depth
+
+  friend bool operator==(const PixelSums&, const PixelSums&) = default;
+};
+
+/// Sums of albedo, normal and depth use the first eye samples only: those layers are there to guide denoisers and
+/// people, and 15 antialiased samples show all they can; 15 also keep their sums in the 16 bytes below.
+inline constexpr std::uint64_t kFeatureSubPasses = 15;
+
+/// What one pixel's first eye samples met, summed.
+struct FeatureSums {
+  std::array<std::int16_t, 3> albedo{};   ///< in steps of SumScale::kUnit
+  std::array<std::int16_t, 3> normal{};
+  std::uint32_t depth_and_samples = 0;    ///< depth in steps of SumScale::depth, times 16, plus the samples: both add up as one
+
+  static constexpr double kMaxDepthSteps = 0x1p24;  ///< of a sample: fifteen of them fit 28 bits
+  [[nodiscard]] std::uint32_t samples() const { return depth_and_samples & 15u; }
+  [[nodiscard]] std::uint32_t depth() const { return depth_and_samples >> 4; }
+  void add_depth(double steps) {
+    depth_and_samples += static_cast<std::uint32_t>(std::lrint(std::min(steps, kMaxDepthSteps))) * 16u + 1u;
+  }
+  friend bool operator==(const FeatureSums&, const FeatureSums&) = default;
 };
 
 /// Steps of the fixed-point sums. Powers of two that follow from the scene's emitted flux and the spec alone.
@@ -33,17 +52,13 @@ struct SumScale {
   double radiance = 0x1p-24;    ///< W sr^-1 m^-2 per step of `direct` (and of `flow` outside shared mode)
   double flow = 0x1p-24;        ///< per step of `flow`
   double square = 0x1p-16;      ///< (W sr^-1 m^-2)^2 per step
-  double depth = 0x1p-20;       ///< metres per step
-  static constexpr double kUnit = 0x1p-20;  ///< step of albedo and normal
+  double depth = 0x1p-18;       ///< metres per step
+  static constexpr double kUnit = 0x1p-11;  ///< step of albedo and normal
 
   /// `mean_radiance`: emitted flux / (pi * area of the scene's bounds); `photon_flux`: flux of one photon path in W
   /// (0 unless shared mode); `diagonal`: of the bounds in metres.
   [[nodiscard]] static SumScale from_scene(double mean_radiance, double photon_flux, double diagonal);
 };
-
-/// Sums of albedo, normal and depth use the first eye samples only: those layers are there to guide denoisers and
-/// people, and 16 antialiased samples show all they can.
-inline constexpr std::uint64_t kFeatureSubPasses = 16;
 
 /// `value` in whole steps, rounded to nearest. Not finite or beyond 2^62 steps: false, `sum` unchanged.
 [[nodiscard]] inline bool add_quantised(std::int64_t& sum, double value, double step) {
@@ -77,6 +92,7 @@ struct Statistics {
   int width = 0;
   int height = 0;
   std::vector<PixelSums> pixels;      ///< row by row from the top
+  std::vector<FeatureSums> features;  ///< likewise; may be empty in results that hold no sub-pass below kFeatureSubPasses
   std::uint64_t sub_passes = 0;
   std::uint64_t photon_paths = 0;
   std::uint64_t photons_stored = 0;
@@ -84,7 +100,11 @@ struct Statistics {
   Faults faults;
 
   Statistics() = default;
-  Statistics(int w, int h) : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  Statistics(int w, int h, bool with_features = true)
+      : width(w),
+        height(h),
+        pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)),
+        features(with_features ? pixels.size() : 0) {}
   /// Adds another result of the same size. Error (kInternal) when a sum overflows.
   [[nodiscard]] Result<void> add(const Statistics& other);
 };

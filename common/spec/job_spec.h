@@ -83,8 +83,8 @@ struct JobSpec {
                                              const std::vector<std::string>& overrides = {});
 /// Canonical JSON: all keys, sorted, defaults filled in; equal specs give equal text.
 [[nodiscard]] std::string canonical_json(const JobSpec& spec);
-/// SHA-256 (hex) of the part of the canonical form that decides the image: without job.priority, stop,
-/// checkpoint and faults.
+/// SHA-256 (hex) of the part of the canonical form that decides the pixels of the EXR: without job,
+/// image.exposure, stop, checkpoint and faults.
 [[nodiscard]] std::string image_hash_of_spec(const JobSpec& spec);
 /// JSON Schema of the job model, generated from the same table as the parser.
 [[nodiscard]] std::string job_json_schema();

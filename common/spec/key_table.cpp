@@ -44,6 +44,7 @@ template <auto kTable, auto kField>
 constexpr RealsKind reals(std::size_t count, double min, double max) {
   return {count, min, max,
           [](const JobSpec& spec) -> const std::vector<double>& { return spec.*kTable.*kField; },
+          // NOLINTNEXTLINE(performance-unnecessary-value-param): before instantiation no move is seen
           [](JobSpec& spec, std::vector<double> value) { spec.*kTable.*kField = std::move(value); }};
 }
 
@@ -52,6 +53,7 @@ constexpr TextKind text(TextForm form, std::size_t max_bytes,
                         std::span<const std::string_view> extensions = {}) {
   return {form, max_bytes, extensions,
           [](const JobSpec& spec) -> const std::string& { return spec.*kTable.*kField; },
+          // NOLINTNEXTLINE(performance-unnecessary-value-param): before instantiation no move is seen
           [](JobSpec& spec, std::string value) { spec.*kTable.*kField = std::move(value); }};
 }
 
@@ -91,7 +93,7 @@ constexpr bool kDecides = true, kIrrelevant = false;
 constexpr std::array kKeys = {
     Key{"", "spec_version", kOptional, kDecides, "", "Version of this format.", kVersion},
 
-    Key{"job", "name", kRequired, kDecides, "", "Names the job and its output files.",
+    Key{"job", "name", kRequired, kIrrelevant, "", "Names the job and its output files.",
         text<kJob, &S::Job::name>(TextForm::kJobName, 100)},
     Key{"job", "priority", kOptional, kIrrelevant, "", "Jobs of higher priority are served first.",
         integer<kJob, &S::Job::priority>(0, 100)},
@@ -121,8 +123,8 @@ constexpr std::array kKeys = {
         integer<kImage, &S::Image::width>(1, 65536)},
     Key{"image", "height", kOptional, kDecides, "pixels", "Height.",
         integer<kImage, &S::Image::height>(1, 65536)},
-    Key{"image", "exposure", kOptional, kDecides, "stops", "Brightness of the PNG; the EXR is not touched.",
-        real<kImage, &S::Image::exposure>(-64, 64)},
+    Key{"image", "exposure", kOptional, kIrrelevant, "stops",
+        "Brightness of the PNG; the EXR is not touched.", real<kImage, &S::Image::exposure>(-64, 64)},
 
     Key{"integrator", "type", kOptional, kDecides, "",
         "The algorithm; auto lets the planner choose it, and say why (photonfarm plan).",

@@ -61,7 +61,7 @@ struct Key {
   std::string_view table;  ///< empty: at the top of the file
   std::string_view name;
   bool required;
-  bool decides_image;     ///< part of image_hash_of_spec
+  bool decides_image;     ///< the pixels of the EXR: part of image_hash_of_spec
   std::string_view unit;  ///< empty: a pure number or text
   std::string_view doc;   ///< one sentence for the reference and the schema
   Kind kind;

@@ -1,14 +1,18 @@
 // Photon tracing against bare Embree on the same rays, and the bytes that photons take. Run: pf_photon_bench.
 //
-// "Bare" replays the rays that one sub-pass of photon tracing shot, with nothing but rtcIntersect1 around them: what
-// tracing with shading, roulette and storing could reach at most.
+// "Bare" replays every ray that a sub-pass of photon tracing shot, in the same order, with nothing but
+// rtcIntersect1: what tracing with shading, roulette and storing could reach at most. Both take turns in one
+// process, by the thread's CPU time.
+
+#include <algorithm>
+#include <vector>
 
 #include <benchmark/benchmark.h>
-
 #include <tbb/global_control.h>
 
 #include "common/math/philox.h"
 #include "common/math/sampling.h"
+#include "tests/bench/thread_time.h"
 #include "tests/support/scenes.h"
 #include "worker/photon/photon_tracer.h"
 #include "worker/photon/photon_tree.h"
@@ -16,55 +20,60 @@
 namespace pf {
 namespace {
 
-constexpr std::uint32_t kPaths = 200000;
+constexpr std::uint32_t kPaths = 65536;
 
 /// Peer box with spheres of few or of many triangles.
 const Scene& scene_of(int rings) {
-  static const auto small = test::peer_box(64).build();
+  static const auto small = test::peer_box(16).build();
   static const auto large = test::peer_box(224).build();  // 200k triangles a sphere
-  return rings == 64 ? *small : *large;
+  return rings == 16 ? *small : *large;
 }
 
-/// Rays of a photon pass over diffuse surfaces, recorded by walking the stored photons' directions back and forth: from
-/// every photon's position towards where it came from.
-std::vector<Ray> recorded_rays(const PhotonBatch& batch) {
-  std::vector<Ray> rays;
-  for (const PhotonArrays& photons : batch.flows) {
-    for (std::size_t i = 0; i < photons.size(); ++i) {
-      const Vec3f d = unpack_direction(photons.direction[i]);
-      rays.push_back({Vec3f{photons.x[i], photons.y[i], photons.z[i]} + d * 1e-4f, d});
-    }
-  }
-  return rays;
+template <typename Work>
+double seconds_of(Work&& work) {
+  const double start = thread_seconds();
+  work();
+  return thread_seconds() - start;
 }
 
-void trace_photons(benchmark::State& state) {
-  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(state.range(1)));
-  const PhotonTracer tracer(scene_of(static_cast<int>(state.range(0))), {1, kPaths, 0});
-  std::uint64_t sub_pass = 0;
-  std::uint64_t rays = 0;
-  for (auto _ : state) {
-    const PhotonBatch batch = tracer.trace(sub_pass++);
-    rays += batch.rays;
-    benchmark::DoNotOptimize(batch.flows[kIndirect].x.data());
-  }
-  state.counters["Mrays/s"] = benchmark::Counter(static_cast<double>(rays) * 1e-6, benchmark::Counter::kIsRate);
-  state.counters["Mpaths/s"] =
-      benchmark::Counter(static_cast<double>(sub_pass) * kPaths * 1e-6, benchmark::Counter::kIsRate);
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
-void bare_rays(benchmark::State& state) {
+/// Traces a sub-pass on one thread and replays its rays, taking turns which comes first.
+void trace_against_bare_rays(benchmark::State& state) {
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const Scene& scene = scene_of(static_cast<int>(state.range(0)));
-  const std::vector<Ray> rays = recorded_rays(PhotonTracer(scene, {1, kPaths, 0}).trace(0));
+  const PhotonTracer tracer(scene, {1, kPaths, 0});
+  std::vector<double> bare;
+  std::vector<double> traced;
+  std::vector<double> ratio;
+  std::uint64_t sub_pass = 0;
   for (auto _ : state) {
-    for (const Ray& ray : rays) benchmark::DoNotOptimize(scene.meets(ray));
+    const std::vector<Ray> rays = tracer.rays_of(sub_pass);
+    const auto trace = [&] {
+      const PhotonBatch batch = tracer.trace(sub_pass);
+      benchmark::DoNotOptimize(batch.flows[kIndirect].x.data());
+    };
+    const auto replay = [&] {
+      for (const Ray& ray : rays) benchmark::DoNotOptimize(scene.meets(ray));
+    };
+    const bool trace_first = sub_pass++ % 2 == 0;
+    const double first = trace_first ? seconds_of(trace) : seconds_of(replay);
+    const double second = trace_first ? seconds_of(replay) : seconds_of(trace);
+    const auto million_rays = static_cast<double>(rays.size()) * 1e-6;
+    traced.push_back(million_rays / (trace_first ? first : second));
+    bare.push_back(million_rays / (trace_first ? second : first));
+    ratio.push_back(traced.back() / bare.back());
+    state.SetIterationTime(first + second);
   }
-  state.counters["Mrays/s"] =
-      benchmark::Counter(static_cast<double>(state.iterations()) * static_cast<double>(rays.size()) * 1e-6, benchmark::Counter::kIsRate);
+  state.counters["Mrays/s bare"] = median(bare);
+  state.counters["Mrays/s traced"] = median(traced);
+  state.counters["ratio"] = median(ratio);
 }
-
-BENCHMARK(bare_rays)->Arg(64)->Arg(224)->UseRealTime()->Unit(benchmark::kMillisecond);
-BENCHMARK(trace_photons)->Args({64, 1})->Args({224, 1})->Args({224, 2})->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK(trace_against_bare_rays)->Arg(16)->Arg(224)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 /// One million photons, one million queries of about 50 photons each.
 void gather(benchmark::State& state) {
@@ -83,18 +92,22 @@ void gather(benchmark::State& state) {
     // Queries as an image asks them: neighbours one after the other.
     for (int y = 0; y < 1000; ++y) {
       for (int x = 0; x < 1000; ++x) {
-        const DiscQuery query{{(static_cast<float>(x) + 0.5f) * 1e-3f, 0.0f, (static_cast<float>(y) + 0.5f) * 1e-3f},
-                              {0, 1, 0}, radius2, false};
+        const DiscQuery query{
+            {(static_cast<float>(x) + 0.5f) * 1e-3f, 0.0f, (static_cast<float>(y) + 0.5f) * 1e-3f},
+            {0, 1, 0},
+            radius2,
+            false};
         found += tree.sum_flux(query).count;
       }
     }
   }
-  state.counters["photons/query"] = static_cast<double>(found) / (1e6 * static_cast<double>(state.iterations()));
+  state.counters["photons/query"] =
+      static_cast<double>(found) / (1e6 * static_cast<double>(state.iterations()));
 }
 BENCHMARK(gather)->Arg(256)->Arg(512)->Unit(benchmark::kMillisecond);
 
 void build_tree(benchmark::State& state) {
-  const PhotonTracer tracer(scene_of(64), {1, 500000, 0});
+  const PhotonTracer tracer(scene_of(16), {1, 500000, 0});
   const PhotonBatch batch = tracer.trace(0);
   for (auto _ : state) {
     const PhotonTree tree{PhotonArrays(batch.flows[kIndirect])};

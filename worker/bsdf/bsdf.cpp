@@ -99,30 +99,24 @@ float Bsdf::diffuse_boundary_albedo(float cosine) const {
   return l.diffuse_f0 * e.f0.at(cosine, i.roughness) + l.diffuse_f90 * e.f90.at(cosine, i.roughness);
 }
 
-BsdfValue Bsdf::evaluate_base(const Vec3f& wi, Transport mode, Portion portion, const PerLobe& p) const {
+float Bsdf::cosine_ratio(float lobe_wo, float lobe_wi, float wi_ns, Transport mode) const {
+  constexpr float kMost = 8.0f;  // at the horizon of ns it would be infinite
+  const float ratio = mode == Transport::kRadiance ? std::abs(lobe_wi / wi_ns) : lobe_wo / layers_.wo.z;
+  return std::min(ratio, kMost);
+}
+
+BsdfValue Bsdf::evaluate_interface(const Vec3f& wi, float wi_ns, Transport mode) const {
   const Layers& l = layers_;
   const Interface& i = l.interface;
-  BsdfValue sum;
-  const float share_interface = i.is_delta() ? 0.0f : share(kInterface, portion);
-  if (wi.z < 0.0f) {
-    if (share_interface == 0.0f || i.through == Interface::Through::kNothing) return sum;
-    sum = i.transmit(l.wo, wi);
-    const bool scaled = mode == Transport::kRadiance && i.through == Interface::Through::kRefract;
-    sum.f *= scaled ? share_interface / (i.eta * i.eta) : share_interface;
-    sum.pdf *= p[kInterface];
-    return sum;
-  }
-  if (share_interface > 0.0f && i.present()) {
-    sum = i.reflect(l.wo, wi);
-    sum.f *= share_interface;
-    sum.pdf *= p[kInterface];
-  }
-  if (portion == Portion::kFollow) return sum;
-  if (p[kDiffuse] > 0.0f) {
-    sum.f += l.diffuse * std::max(1.0f - diffuse_boundary_albedo(wi.z), 0.0f);
-    sum.pdf += p[kDiffuse] * wi.z * kInvPi;
-  }
-  return sum;
+  const Vec3f local = l.mirror.to_local(wi);
+  const bool transmitted = local.z < 0.0f;
+  if (transmitted != (wi_ns < 0.0f)) return {};
+  if (transmitted ? i.through == Interface::Through::kNothing : !i.present()) return {};
+  BsdfValue value = transmitted ? i.transmit(l.mirror_wo, local) : i.reflect(l.mirror_wo, local);
+  const bool refracts = transmitted && i.through == Interface::Through::kRefract;
+  if (refracts && mode == Transport::kRadiance) value.f *= 1.0f / (i.eta * i.eta);
+  if (l.mirror.n != shading_.n) value.f *= cosine_ratio(l.mirror_wo.z, local.z, wi_ns, mode);
+  return value;
 }
 
 BsdfValue Bsdf::evaluate_coat(const Vec3f& wi, float wi_ns, Transport mode) const {
@@ -133,35 +127,39 @@ BsdfValue Bsdf::evaluate_coat(const Vec3f& wi, float wi_ns, Transport mode) cons
   if (local.z <= 0.0f || !(len2 > 0.0f)) return {};
   const Ggx ggx{c.alpha};
   const Vec3f h = sum * (1.0f / std::sqrt(len2));
-  // The caller's cosines are those of the base; the coat reflects by its own.
-  const bool radiance = mode == Transport::kRadiance;
-  const float ratio = radiance ? local.z / wi_ns : c.wo.z / layers_.wo.z;
   const float f = c.weight * c.reflectance(dot(c.wo, h)) * ggx.distribution(h) *
-                  ggx.visibility(c.wo.z, local.z) * std::min(ratio, Coat::kMaxCosineRatio);
+                  ggx.visibility(c.wo.z, local.z) * cosine_ratio(c.wo.z, local.z, wi_ns, mode);
   return {Rgb(f), 0.25f * ggx.visible_density(c.wo.z, h)};
 }
 
 BsdfValue Bsdf::evaluate(const Vec3f& wi, Transport mode, Portion portion) const {
   const Layers& l = layers_;
-  const Vec3f local = shading_.to_local(wi);
+  const float wi_ns = dot(wi, shading_.n);
   const float wi_ng = dot(wi, ng_);
-  const bool sides_agree = (local.z > 0.0f && wi_ng > 0.0f) || (local.z < 0.0f && wi_ng < 0.0f);
+  const bool sides_agree = (wi_ns > 0.0f && wi_ng > 0.0f) || (wi_ns < 0.0f && wi_ng < 0.0f);
   if (!sides_agree) return {};
   const PerLobe p = probabilities(portion);
-  const Scales scale = scales(local.z, wi);
-  BsdfValue sum = evaluate_base(local, mode, portion, p);
-  sum.f *= scale.base;
-  if (local.z < 0.0f) return sum;
-  if (l.sheen_max > 0.0f && portion != Portion::kFollow) {
-    sum.f += l.sheen * (Charlie(l.sheen_roughness).eval(l.wo, local) * scale.sheen);
-    sum.pdf += p[kSheen] * kUniformHemisphere;
+  const Scales scale = scales(wi_ns, wi);
+  BsdfValue sum;
+  const auto add = [&sum](const BsdfValue& lobe, float weight, float probability) {
+    sum.f += lobe.f * weight;
+    sum.pdf += lobe.pdf * probability;
+  };
+  const float share_interface = l.interface.is_delta() ? 0.0f : share(kInterface, portion);
+  if (share_interface > 0.0f) {
+    add(evaluate_interface(wi, wi_ns, mode), share_interface * scale.base, p[kInterface]);
+  }
+  if (wi_ns < 0.0f) return sum;
+  if (portion != Portion::kFollow && p[kDiffuse] > 0.0f) {
+    const float passed = std::max(1.0f - diffuse_boundary_albedo(wi_ns), 0.0f);
+    add({l.diffuse * passed, wi_ns * kInvPi}, scale.base, p[kDiffuse]);
+  }
+  if (portion != Portion::kFollow && l.sheen_max > 0.0f) {
+    const float value = Charlie(l.sheen_roughness).eval(l.wo, shading_.to_local(wi));
+    add({l.sheen * value, kUniformHemisphere}, scale.sheen, p[kSheen]);
   }
   const float share_coat = l.coat.weight > 0.0f && l.coat.alpha > 0.0f ? share(kCoat, portion) : 0.0f;
-  if (share_coat > 0.0f) {
-    const BsdfValue coat = evaluate_coat(wi, local.z, mode);
-    sum.f += coat.f * share_coat;
-    sum.pdf += coat.pdf * p[kCoat];
-  }
+  if (share_coat > 0.0f) add(evaluate_coat(wi, wi_ns, mode), share_coat, p[kCoat]);
   return sum;
 }
 
@@ -218,16 +216,16 @@ std::optional<BsdfSample> Bsdf::sample_lambert(const Vec2f& u, Transport mode) c
 std::optional<BsdfSample> Bsdf::sample_interface(float u_choice, const Vec2f& u, Transport mode,
                                                  Portion portion, float probability) const {
   const Interface& i = layers_.interface;
-  const std::optional<Interface::Sample> drawn = i.sample(layers_.wo, u_choice, u);
+  const std::optional<Interface::Sample> drawn = i.sample(layers_.mirror_wo, u_choice, u);
   if (!drawn) return std::nullopt;
   const bool straight = drawn->transmitted && i.is_delta() && i.through == Interface::Through::kThin;
-  const Vec3f wi = straight ? -wo_ : normalize(shading_.to_world(drawn->wi));
+  const Vec3f wi = straight ? -wo_ : normalize(layers_.mirror.to_world(drawn->wi));
   if (!i.is_delta()) return finish(wi, drawn->transmitted, kInterface, mode, portion);
   Rgb weight = drawn->weight * (scales(drawn->wi.z, wi).base / probability);
   if (mode == Transport::kRadiance && drawn->transmitted && i.through == Interface::Through::kRefract) {
     weight *= 1.0f / (i.eta * i.eta);
   }
-  return finish_delta(wi, weight, drawn->transmitted, shading_.n, mode);
+  return finish_delta(wi, weight, drawn->transmitted, layers_.mirror.n, mode);
 }
 
 float Bsdf::split_probability() const {
@@ -236,7 +234,7 @@ float Bsdf::split_probability() const {
   for (int lobe = 0; lobe < kLobes; ++lobe) {
     if (lobe != kInterface && p[lobe] > 0.0f) return 0.0f;
   }
-  const Interface::Split split = layers_.interface.split(std::min(layers_.wo.z, 1.0f));
+  const Interface::Split split = layers_.interface.split(std::min(layers_.mirror_wo.z, 1.0f));
   const float r = average(split.reflected), t = average(split.transmitted);
   return r > 0.0f && t > 0.0f ? r / (r + t) : 0.0f;
 }

@@ -75,7 +75,8 @@ struct BsdfSample {
 /// Sides: wo is above; wi is above when wi.ng > 0. Where wi.ns says otherwise the BSDF is zero, so that no
 /// light leaks through. A shading normal tilted by d then costs (1 - cos d) / 2 of Lambert (0.8 % at 10
 /// degrees), and of the flux, not the radiance, of a mirror (1 - cos 2d) / 2. A shading normal that wo sees
-/// from below, or that would mirror wo into the surface, is turned just far enough towards wo.
+/// from below is turned just far enough towards wo. Where it would mirror wo into the surface, the lobes that
+/// mirror use a normal of their own that does not; what is matte keeps the one given.
 class Bsdf {
  public:
   /// `wo` fixes which side is up. Never fails: impossible input gives a BSDF that is zero.
@@ -129,6 +130,8 @@ class Bsdf {
   /// cheap.
   struct Layers {
     Vec3f wo;                       ///< local to the shading frame
+    Frame mirror;                   ///< of the interface: the shading frame, or one that mirrors wo outwards
+    Vec3f mirror_wo;                ///< local to `mirror`
     Rgb diffuse;                    ///< f of Lambert, (1 - E(wo)) / (1 - mean E) included
     float diffuse_f0, diffuse_f90;  ///< of the dielectric above Lambert; both 0: none
     Interface interface;
@@ -154,9 +157,10 @@ class Bsdf {
   /// Probability of choosing each lobe in a portion; all zero when there is none.
   [[nodiscard]] PerLobe probabilities(Portion portion) const;
   [[nodiscard]] BsdfValue evaluate(const Vec3f& wi, Transport mode, Portion portion) const;
-  [[nodiscard]] BsdfValue evaluate_base(const Vec3f& wi, Transport mode, Portion portion,
-                                        const PerLobe& p) const;
+  [[nodiscard]] BsdfValue evaluate_interface(const Vec3f& wi, float wi_ns, Transport mode) const;
   [[nodiscard]] BsdfValue evaluate_coat(const Vec3f& wi, float wi_ns, Transport mode) const;
+  /// What a lobe of its own normal, with these cosines to it, needs because the caller's cosine is to ns.
+  [[nodiscard]] float cosine_ratio(float lobe_wo, float lobe_wi, float wi_ns, Transport mode) const;
   /// Factors on the base and on sheen for light that goes from wi through the layers above them and on to wo.
   struct Scales {
     float base, sheen;

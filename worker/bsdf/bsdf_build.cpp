@@ -32,7 +32,8 @@ Vec3f turn_into_view(const Vec3f& n, const Vec3f& wo, float limit) {
 }
 
 /// Turns `n` so that the mirror image of wo leaves the surface: the reflected ray is lifted, and the normal
-/// is then halfway between it and wo.
+/// is then halfway between it and wo [Keller et al. 2017, "The Iray Light Transport Simulation and Rendering
+/// System"].
 Vec3f turn_to_mirror_outwards(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, float limit) {
   const Vec3f mirrored = n * (2.0f * dot(wo, n)) - wo;
   const float height = dot(mirrored, ng);
@@ -41,15 +42,23 @@ Vec3f turn_to_mirror_outwards(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, 
   return length2(sum) > 1e-6f ? normalize(sum) : ng;  // shorter: only rounding is left of it
 }
 
-/// `n` of the mesh's front side, turned to wo's side and made usable for it.
-Vec3f usable_normal(const Vec3f& n, bool front, const Vec3f& ng, const Vec3f& wo, bool specular) {
+float limit_of(const Vec3f& ng, const Vec3f& wo) { return std::min(kMinCosine, 0.9f * dot(wo, ng)); }
+
+/// `n` of the mesh's front side, turned to wo's side and to where wo sees it from above.
+Vec3f visible_normal(const Vec3f& n, bool front, const Vec3f& ng, const Vec3f& wo) {
   if (!is_unit(n)) return ng;
-  Vec3f turned = front ? n : -n;
+  const Vec3f turned = front ? n : -n;
   if (turned == ng || !(dot(turned, ng) > 0.0f)) return ng;
-  const float limit = std::min(kMinCosine, 0.9f * dot(wo, ng));
-  turned = turn_into_view(turned, wo, limit);
-  if (specular) turned = turn_to_mirror_outwards(turned, ng, wo, limit);
-  return dot(turned, wo) > 0.0f ? turned : ng;
+  const Vec3f visible = turn_into_view(turned, wo, limit_of(ng, wo));
+  return dot(visible, wo) > 0.0f ? visible : ng;
+}
+
+/// The frame that light is mirrored in at a point whose visible normal is that of `shading`.
+Frame mirror_frame(const Frame& shading, const Vec3f& ng, const Vec3f& wo) {
+  if (shading.n == ng) return shading;
+  const Vec3f turned = turn_to_mirror_outwards(shading.n, ng, wo, limit_of(ng, wo));
+  if (turned == shading.n) return shading;
+  return Frame::from_normal(dot(turned, wo) > 0.0f ? turned : ng);
 }
 
 /// Refractive index of the material over that outside; infinite for ior = 0 and where no float formula would
@@ -84,7 +93,7 @@ Bsdf::Bsdf(const SurfaceParams& p, const Vec3f& wo) : wo_(wo) {
     return;
   }
   const bool lambert = is_pure_lambert(p);
-  shading_ = Frame::from_normal(usable_normal(p.ns, front_, ng_, wo, !lambert));
+  shading_ = Frame::from_normal(visible_normal(p.ns, front_, ng_, wo));
   if (!p.scatters) {
     is_black_ = true;
   } else if (lambert) {
@@ -102,6 +111,9 @@ void Bsdf::build_layers(const SurfaceParams& p, const Vec3f& wo) {
   Layers& l = layers_;
   l.wo = shading_.to_local(wo);
   l.wo.z = std::clamp(l.wo.z, 1e-9f, 1.0f);
+  l.mirror = mirror_frame(shading_, ng_, wo);
+  l.mirror_wo = l.mirror.to_local(wo);
+  l.mirror_wo.z = std::clamp(l.mirror_wo.z, 1e-9f, 1.0f);
   l.thin = p.thin_walled;
   build_base(p);
 
@@ -169,7 +181,7 @@ void Bsdf::build_coat(const SurfaceParams& p, const Vec3f& wo) {
   c.alpha = alpha_from_roughness(c.roughness);
   layers_.coat_albedo = 0.0f;
   if (c.weight == 0.0f) return;
-  c.frame = Frame::from_normal(usable_normal(p.clearcoat_ns, front_, ng_, wo, true));
+  c.frame = mirror_frame(Frame::from_normal(visible_normal(p.clearcoat_ns, front_, ng_, wo)), ng_, wo);
   c.wo = c.frame.to_local(wo);
   c.wo.z = std::clamp(c.wo.z, 1e-9f, 1.0f);
   layers_.coat_albedo = c.albedo(c.wo.z);
@@ -183,7 +195,7 @@ void Bsdf::estimate_albedo() {
   l.albedo[kDiffuse] *= scale;
   l.albedo[kSheen] = l.sheen * (std::min(l.sheen_albedo, 1.0f) * below_coat);
   l.albedo[kCoat] = Rgb(l.coat.weight * l.coat_albedo);
-  l.albedo[kInterface] = i.present() ? i.albedo(l.wo.z) * scale : Rgb(0.0f);
+  l.albedo[kInterface] = i.present() ? i.albedo(l.mirror_wo.z) * scale : Rgb(0.0f);
   l.albedo[kStraight] = l.straight * scale;
   for (int lobe = 0; lobe < kLobes; ++lobe) l.choice[lobe] = average(l.albedo[lobe]);
   // Where an approximate albedo vanishes the lobe itself need not: it must stay possible to choose.

@@ -9,9 +9,6 @@ namespace pf {
 /// written by Bsdf.
 struct Coat {
   static constexpr float kF0 = 0.04f;
-  /// The coat's own cosine over that of the base is bounded by this: at the base's horizon it would be
-  /// infinite.
-  static constexpr float kMaxCosineRatio = 8.0f;
 
   float weight;            ///< clearcoat factor; 0: no coat
   float alpha, roughness;  ///< alpha = 0: mirror

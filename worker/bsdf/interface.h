@@ -28,7 +28,7 @@ struct BsdfValue {
 
 /// The specular boundary of the base material: the reflection of its metallic, opaque dielectric and
 /// transmissive parts, which share one distribution of microfacets, and the transmission. Directions are
-/// local to the shading frame, wo.z > 0. Plain data, written by Bsdf.
+/// local to the frame that it mirrors in, wo.z > 0. Plain data, written by Bsdf.
 struct Interface {
   /// What becomes of light that is not reflected by the transmissive part.
   enum class Through : std::uint8_t { kNothing, kThin, kRefract };

@@ -30,8 +30,8 @@ struct Vertex {
 struct BsdfTechnique {
   bool delta = true;         ///< camera ray or Dirac lobe: no other technique finds the light
   float pdf_w = 0;
-  Vec3f position;            ///< vertex that the direction was sampled at
-  Vec3f normal;
+  Vec3f position{0, 0, 0};   ///< vertex that the direction was sampled at; the lens for a camera ray
+  Vec3f normal{0, 0, 0};
   bool transmissive = false;
 };
 

@@ -25,18 +25,16 @@ Eye::Start Eye::start(int x, int y, std::uint64_t sample) const {
   return {sequence, Ray{ray.origin, ray.direction}};
 }
 
-void add_features(PixelSums& sums, const SumScale& scale, const Vertex& vertex, float distance) {
+void add_features(FeatureSums& sums, const SumScale& scale, const Vertex& vertex, float distance) {
   const Rgb albedo = vertex.bsdf.albedo(Portion::kAll);
   const Vec3f& normal = vertex.bsdf.ns();
   for (int c = 0; c < 3; ++c) {
     const auto i = static_cast<std::size_t>(c);
-    sums.albedo[i] += static_cast<std::int32_t>(std::lrint(std::clamp(albedo[c], 0.0f, 1.0f) / SumScale::kUnit));
-    sums.normal[i] += static_cast<std::int32_t>(std::lrint(normal[c] / SumScale::kUnit));
+    const auto steps_of = [](float value) { return static_cast<std::int16_t>(std::lrint(value / SumScale::kUnit)); };
+    sums.albedo[i] = static_cast<std::int16_t>(sums.albedo[i] + steps_of(std::clamp(albedo[c], 0.0f, 1.0f)));
+    sums.normal[i] = static_cast<std::int16_t>(sums.normal[i] + steps_of(normal[c]));
   }
-  // Sixteen samples of at most 2^26 steps fit 31 bits: depths beyond 64 diagonals of the scene are shown as that.
-  const double steps = std::min(distance / scale.depth, 0x1p26);
-  sums.depth += static_cast<std::int32_t>(std::lrint(steps));
-  ++sums.features;
+  sums.add_depth(distance / scale.depth);
 }
 
 SumScale scale_of_scene(const Scene& scene, double photon_flux) {
@@ -60,26 +58,33 @@ void Tally::commit() {
   static_cast<void>(add_quantised(sums_.square, l * l, scale_.square));
 }
 
-void for_each_pixel(int width, int height, Statistics& total,
-                    const std::function<void(int x, int y, TileFigures& figures)>& visit) {
+void for_each_tile(int width, int height, Statistics& total,
+                   const std::function<void(const Tile& tile, TileFigures& figures)>& visit) {
   const int columns = (width + kTileEdge - 1) / kTileEdge;
   const int rows = (height + kTileEdge - 1) / kTileEdge;
   std::atomic<std::uint64_t> rays{0};
   std::atomic<std::uint64_t> not_finite{0};
   std::atomic<std::uint64_t> overflow{0};
-  tbb::parallel_for(0, columns * rows, [&](int tile) {
+  tbb::parallel_for(0, columns * rows, [&](int index) {
     TileFigures figures;
-    const int x0 = tile % columns * kTileEdge;
-    const int y0 = tile / columns * kTileEdge;
-    for (int y = y0; y < std::min(height, y0 + kTileEdge); ++y) {
-      for (int x = x0; x < std::min(width, x0 + kTileEdge); ++x) visit(x, y, figures);
-    }
+    const int x0 = index % columns * kTileEdge;
+    const int y0 = index / columns * kTileEdge;
+    visit({x0, y0, std::min(width, x0 + kTileEdge), std::min(height, y0 + kTileEdge)}, figures);
     rays += figures.rays;
     not_finite += figures.faults.not_finite;
     overflow += figures.faults.overflow;
   });
   total.rays += rays;
   total.faults += Faults{not_finite, overflow};
+}
+
+void for_each_pixel(int width, int height, Statistics& total,
+                    const std::function<void(int x, int y, TileFigures& figures)>& visit) {
+  for_each_tile(width, height, total, [&](const Tile& tile, TileFigures& figures) {
+    for (int y = tile.y0; y < tile.y1; ++y) {
+      for (int x = tile.x0; x < tile.x1; ++x) visit(x, y, figures);
+    }
+  });
 }
 
 }  // namespace pf

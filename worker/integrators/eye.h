@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "common/film/statistics.h"
 #include "common/math/owen_sobol.h"
@@ -38,7 +39,7 @@ class Eye {
 };
 
 /// Adds the first hit's albedo, normal and depth.
-void add_features(PixelSums& sums, const SumScale& scale, const Vertex& vertex, float distance);
+void add_features(FeatureSums& sums, const SumScale& scale, const Vertex& vertex, float distance);
 
 /// Fixed-point steps of a scene: reference radiance is emitted flux / (pi * area of the scene's bounds).
 [[nodiscard]] SumScale scale_of_scene(const Scene& scene, double photon_flux);
@@ -67,12 +68,18 @@ class Tally {
   std::array<Rgb, kFlows> flow_{Rgb{0, 0, 0}, Rgb{0, 0, 0}};
 };
 
-/// Calls `visit(x, y, local)` for every pixel, in parallel by tiles; `local` is a figure sheet of the tile, and the sheets
-/// are added up in `total` (integers: no order).
+/// Figures of one tile; the sheets are added up (integers: no order).
 struct TileFigures {
   std::uint64_t rays = 0;
   Faults faults;
 };
+struct Tile {
+  int x0, y0, x1, y1;   ///< the last ones are outside
+};
+/// Calls `visit(tile, figures)` for every tile of the image, in parallel.
+void for_each_tile(int width, int height, Statistics& total,
+                   const std::function<void(const Tile& tile, TileFigures& figures)>& visit);
+/// Calls `visit(x, y, figures)` for every pixel, in parallel by tiles.
 void for_each_pixel(int width, int height, Statistics& total,
                     const std::function<void(int x, int y, TileFigures& figures)>& visit);
 

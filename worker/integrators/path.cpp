@@ -35,19 +35,22 @@ PathIntegrator::PathIntegrator(const Scene& scene, const Camera& camera, const J
 
 void PathIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>&, Statistics& sums) const {
   for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {
-    PixelSums& pixel = sums.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) +
-                                   static_cast<std::size_t>(x)];
-    for (std::uint64_t s = 0; s < unit.sub_passes; ++s) trace(x, y, unit.first_sub_pass + s, pixel, figures);
+    const std::size_t i =
+        static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x);
+    for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
+      trace(x, y, s, sums.pixels[i], s < kFeatureSubPasses ? &sums.features[i] : nullptr, figures);
+    }
   });
   sums.sub_passes += unit.sub_passes;
 }
 
-void PathIntegrator::trace(int x, int y, std::uint64_t sample, PixelSums& sums, TileFigures& figures) const {
+void PathIntegrator::trace(int x, int y, std::uint64_t sample, PixelSums& sums, FeatureSums* features,
+                           TileFigures& figures) const {
   Eye::Start start = eye_.start(x, y, sample);
   PixelSequence& sequence = start.sequence;
   Ray ray = start.ray;
   MediumStack media = eye_.media();
-  BsdfTechnique technique;
+  BsdfTechnique technique{.position = ray.origin};
   Tally tally(sums, film_.scale, figures.faults);
   Rgb beta{1.0f, 1.0f, 1.0f};
   int rough = 0;
@@ -63,14 +66,14 @@ void PathIntegrator::trace(int x, int y, std::uint64_t sample, PixelSums& sums, 
       }
       break;
     }
-    if (!media.empty()) beta *= media.transmittance(scene_, hit->t);
+    if (!media.empty()) beta *= media.transmittance(scene_, length(hit->position - technique.position));
     const Vec3f wo = -ray.direction;
     if (scene_.emits(*hit)) {
       add(tally, layer_of(rough, specular_since),
           beta * scene_.emitted(*hit, wo) * emitter_weight(scene_, *hit, technique));
     }
     const Vertex vertex(scene_, *hit, wo, media);
-    if (bounce == 0 && sample < kFeatureSubPasses) add_features(sums, film_.scale, vertex, hit->t);
+    if (bounce == 0 && features != nullptr) add_features(*features, film_.scale, vertex, hit->t);
     if (vertex.bsdf.is_black() || (max_depth_ > 0 && bounce >= max_depth_)) break;
 
     // Next-event estimation.

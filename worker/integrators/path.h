@@ -22,7 +22,8 @@ class PathIntegrator final : public Integrator {
   void run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const override;
 
  private:
-  void trace(int x, int y, std::uint64_t sample, PixelSums& sums, TileFigures& figures) const;
+  void trace(int x, int y, std::uint64_t sample, PixelSums& sums, FeatureSums* features,
+             TileFigures& figures) const;
 
   const Scene& scene_;
   Eye eye_;

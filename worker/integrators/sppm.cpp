@@ -25,9 +25,6 @@ constexpr std::array<RadiusRule, kFlows> kRadiusRules{RadiusRule{12.0f, 0.75f, 3
 /// given total of paths, which shrinks with the cube root of the sub-passes, does not depend on how they are cut.
 constexpr double kRulePaths = 500000.0;
 
-/// Eye samples per pixel that the first radii are chosen from.
-constexpr std::uint64_t kRadiusSamples = 2;
-
 DiscQuery query_at(const Vertex& vertex, float radius2) {
   return {vertex.point.position, vertex.bsdf.ng(), radius2, vertex.transmissive && !vertex.bsdf.gather_is_lambert()};
 }
@@ -79,16 +76,17 @@ void SppmIntegrator::follow_eye_paths(int x, int y, std::uint64_t sub_pass, Sink
   const Eye::Start start = eye_.start(x, y, sub_pass);
   thread_local std::vector<Walk> pending;  // one allocation a thread
   pending.clear();
-  follow(Walk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = {}}, pending, sub_pass, sink);
+  const BsdfTechnique lens{.position = start.ray.origin};
+  follow(Walk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = lens}, pending, sink);
   while (!pending.empty()) {
     const Walk next = pending.back();
     pending.pop_back();
-    follow(next, pending, sub_pass, sink);
+    follow(next, pending, sink);
   }
 }
 
 template <typename Sink>
-void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, std::uint64_t sub_pass, Sink& sink) const {
+void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, Sink& sink) const {
   while (true) {
     sink.ray();
     const auto hit = scene_.intersect(walk.ray);
@@ -98,14 +96,14 @@ void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, std::uint64_t
     }
     walk.distance += hit->t;
     if (!walk.media.empty()) {
-      const Rgb transmittance = walk.media.transmittance(scene_, hit->t);
+      const Rgb transmittance = walk.media.transmittance(scene_, length(hit->position - walk.technique.position));
       walk.beta *= transmittance;
       walk.beta_emission *= transmittance;
     }
     const Vec3f wo = -walk.ray.direction;
     if (scene_.emits(*hit)) sink.emitter(*hit, wo, walk.beta_emission, walk.technique);
     const Vertex vertex(scene_, *hit, wo, walk.media);
-    if (walk.bounce == 0) sink.first_hit(vertex, sub_pass, walk.distance);
+    if (walk.bounce == 0) sink.first_hit(vertex, walk.distance);
     if (vertex.bsdf.is_black() || (max_depth_ > 0 && walk.bounce >= max_depth_)) return;
     if (!scatter(walk, vertex, pending, sink)) return;
 
@@ -173,17 +171,18 @@ bool SppmIntegrator::scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>
   return go_on(walk, reflect_first ? u_reflect : u_transmit, reflect_first ? reflect : 1.0f - reflect);
 }
 
-/// Chooses the first radii of a pixel.
+/// Chooses the first radii of a pixel and keeps its discs.
 struct SppmIntegrator::RadiusSink {
   const SppmIntegrator& integrator;
   const Trees& trees;
   ProgressivePixel& pixel;
+  std::vector<GatherDisc>& discs;
   TileFigures& figures;
 
   void ray() { ++figures.rays; }
   void escape(const Vec3f&, const Rgb&, const BsdfTechnique&) {}
   void emitter(const SurfacePoint&, const Vec3f&, const Rgb&, const BsdfTechnique&) {}
-  void first_hit(const Vertex&, std::uint64_t, float) {}
+  void first_hit(const Vertex&, float) {}
   void direct(const Vertex&, const MediumStack&, float, const Vec2f&, float, const Rgb&) {}
   void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, float footprint) {
     for (const Flow flow : {kCaustic, kIndirect}) {
@@ -192,11 +191,7 @@ struct SppmIntegrator::RadiusSink {
       least = least > 0.0f ? std::min(least, radius2) : radius2;
     }
     const float widest = std::max(pixel[kCaustic].radius2, pixel[kIndirect].radius2);
-    const Coverage coverage = measure_coverage(integrator.scene_, vertex.point, query_at(vertex, widest), u, figures.rays);
-    if (coverage.fraction >= 1.0f) return;
-    // Probes stand about a quarter of the radius apart: the edge may be that much nearer than the nearest gap.
-    const float covered = std::max(0.0f, coverage.nearest_gap - 0.25f * std::sqrt(widest));
-    pixel.covered_radius = std::min(pixel.covered_radius, covered);
+    discs.push_back({vertex.point, query_at(vertex, widest), u});
   }
 };
 
@@ -207,13 +202,9 @@ float SppmIntegrator::first_radius2(const PhotonTree& tree, Flow flow, const Ver
   constexpr float kMaxSceneShare = 0.05f;  // 0.08 brightens the corners of the peer box visibly
   const float largest = std::min(rule.max_footprints * footprint, kMaxSceneShare * scene_radius_);
   const float smallest = std::min(rule.min_footprints * footprint, largest);
-  DiscQuery query = query_at(vertex, smallest * smallest);
+  DiscQuery query = query_at(vertex, largest * largest);
   auto found = static_cast<float>(tree.count(query));
   const auto wanted = static_cast<float>(rule.photons * std::pow(tracer_.options().paths / kRulePaths, 2.0 / 3.0));
-  while (found < wanted && query.radius2 < largest * largest) {
-    query.radius2 = std::min(query.radius2 * 4.0f, largest * largest);
-    found = static_cast<float>(tree.count(query));
-  }
   // On a surface the number found goes with the area.
   for (int refinement = 0; refinement < 3 && found > wanted && query.radius2 > smallest * smallest; ++refinement) {
     query.radius2 = std::max(query.radius2 * wanted / found, smallest * smallest);
@@ -224,14 +215,26 @@ float SppmIntegrator::first_radius2(const PhotonTree& tree, Flow flow, const Ver
 
 std::vector<ProgressivePixel> SppmIntegrator::initial_radii() const {
   const Trees trees = build_trees(tracer_.trace(0));
-  std::vector<ProgressivePixel> state(static_cast<std::size_t>(eye_.width()) * static_cast<std::size_t>(eye_.height()));
+  const auto width = static_cast<std::size_t>(eye_.width());
+  std::vector<ProgressivePixel> state(width * static_cast<std::size_t>(eye_.height()));
   Statistics figures;
-  for_each_pixel(eye_.width(), eye_.height(), figures, [&](int x, int y, TileFigures& tile) {
-    ProgressivePixel& pixel =
-        state[static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x)];
-    pixel.covered_radius = kInfinity;
-    RadiusSink sink{*this, trees, pixel, tile};
-    for (std::uint64_t s = 0; s < kRadiusSamples; ++s) follow_eye_paths(x, y, s, sink);
+  for_each_tile(eye_.width(), eye_.height(), figures, [&](const Tile& tile, TileFigures& sheet) {
+    std::vector<GatherDisc> discs;
+    std::vector<std::size_t> pixels;  // of the discs
+    for (int y = tile.y0; y < tile.y1; ++y) {
+      for (int x = tile.x0; x < tile.x1; ++x) {
+        const std::size_t i = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
+        state[i].covered_radius = kInfinity;
+        RadiusSink sink{*this, trees, state[i], discs, sheet};
+        follow_eye_paths(x, y, 0, sink);
+        pixels.resize(discs.size(), i);
+      }
+    }
+    find_covered_radii(scene_, discs, sheet.rays);
+    for (std::size_t d = 0; d < discs.size(); ++d) {
+      float& least = state[pixels[d]].covered_radius;
+      least = std::min(least, discs[d].covered_radius);
+    }
   });
   fill_missing_radii(state);
   return state;
@@ -266,6 +269,7 @@ struct SppmIntegrator::RadianceSink {
   const ProgressivePixel& state;
   std::array<float, kFlows> radius2;
   PixelSums& sums;
+  FeatureSums* features;  ///< none where the sub-pass is past kFeatureSubPasses
   TileFigures& figures;
   Tally& tally;
   /// Hit points of this sample so far. All of them bring flux; only the first one's photons count in M, which decides how
@@ -281,8 +285,8 @@ struct SppmIntegrator::RadianceSink {
   void emitter(const SurfacePoint& point, const Vec3f& wo, const Rgb& beta, const BsdfTechnique& technique) {
     tally.add_direct(beta * integrator.scene_.emitted(point, wo) * emitter_weight(integrator.scene_, point, technique));
   }
-  void first_hit(const Vertex& vertex, std::uint64_t sub_pass, float distance) {
-    if (sub_pass < kFeatureSubPasses) add_features(sums, integrator.film_.scale, vertex, distance);
+  void first_hit(const Vertex& vertex, float distance) {
+    if (features != nullptr) add_features(*features, integrator.film_.scale, vertex, distance);
   }
   void direct(const Vertex& vertex, const MediumStack& media, float u_pick, const Vec2f& u, float p_follow, const Rgb& beta) {
     tally.add_direct(beta * direct_light(integrator.scene_, vertex, media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
@@ -349,7 +353,7 @@ void SppmIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixe
       RadianceSink sink{*this, trees, state[i],
                         {static_cast<float>(state[i][kCaustic].radius2 * ratio),
                          static_cast<float>(state[i][kIndirect].radius2 * ratio)},
-                        sums.pixels[i], figures, tally};
+                        sums.pixels[i], s < kFeatureSubPasses ? &sums.features[i] : nullptr, figures, tally};
       follow_eye_paths(x, y, s, sink);
       tally.commit();
     });

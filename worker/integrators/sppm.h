@@ -43,7 +43,7 @@ class SppmIntegrator final : public Integrator {
   void follow_eye_paths(int x, int y, std::uint64_t sub_pass, Sink& sink) const;
   /// Follows one path to its end; a path split off at a smooth boundary is put on `pending`.
   template <typename Sink>
-  void follow(Walk walk, std::vector<Walk>& pending, std::uint64_t sub_pass, Sink& sink) const;
+  void follow(Walk walk, std::vector<Walk>& pending, Sink& sink) const;
   /// Scatters at a vertex; false when the path ends there.
   template <typename Sink>
   bool scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>& pending, Sink& sink) const;

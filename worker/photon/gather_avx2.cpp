@@ -17,6 +17,9 @@ struct Avx2 {
   struct Steps {
     __m256i sum = _mm256_setzero_si256();
   };
+  using Narrow = Bits;
+  static Narrow no_steps() { return {_mm256_setzero_si256(), _mm256_setzero_si256()}; }
+  static Mask none() { return {_mm256_setzero_ps(), _mm256_setzero_ps()}; }
   static Float set(float v) { return {_mm256_set1_ps(v), _mm256_set1_ps(v)}; }
   static Float load(const float* p) { return {_mm256_loadu_ps(p), _mm256_loadu_ps(p + 8)}; }
   static Float add(Float a, Float b) { return {_mm256_add_ps(a.low, b.low), _mm256_add_ps(a.high, b.high)}; }
@@ -55,6 +58,18 @@ struct Avx2 {
       const __m256d a = _mm256_mul_pd(_mm256_cvtps_pd(_mm256_castps256_ps128(half)), scale);
       const __m256d b = _mm256_mul_pd(_mm256_cvtps_pd(_mm256_extractf128_ps(half, 1)), scale);
       s.sum = _mm256_add_epi64(s.sum, _mm256_add_epi64(rounded(a), rounded(b)));
+    }
+  }
+  static void add_narrow(Narrow& sum, Mask mask, Float flux) {
+    const Float steps = mul({_mm256_and_ps(flux.low, mask.low), _mm256_and_ps(flux.high, mask.high)},
+                            set(static_cast<float>(kFluxSteps)));
+    sum.low = _mm256_add_epi32(sum.low, _mm256_cvtps_epi32(steps.low));
+    sum.high = _mm256_add_epi32(sum.high, _mm256_cvtps_epi32(steps.high));
+  }
+  static void widen(Steps& sum, const Narrow& steps) {
+    for (const __m256i half : {steps.low, steps.high}) {
+      sum.sum = _mm256_add_epi64(sum.sum, _mm256_cvtepi32_epi64(_mm256_castsi256_si128(half)));
+      sum.sum = _mm256_add_epi64(sum.sum, _mm256_cvtepi32_epi64(_mm256_extracti128_si256(half, 1)));
     }
   }
   static std::int64_t total(const Steps& s) {

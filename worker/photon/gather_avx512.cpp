@@ -13,6 +13,9 @@ struct Avx512 {
     __m512i low = _mm512_setzero_si512();
     __m512i high = _mm512_setzero_si512();
   };
+  using Narrow = __m512i;
+  static Narrow no_steps() { return _mm512_setzero_si512(); }
+  static Mask none() { return 0; }
   static Float set(float v) { return _mm512_set1_ps(v); }
   static Float load(const float* p) { return _mm512_loadu_ps(p); }
   static Float add(Float a, Float b) { return _mm512_add_ps(a, b); }
@@ -34,6 +37,14 @@ struct Avx512 {
     const __m512i high = _mm512_cvtps_epi64(_mm512_extractf32x8_ps(steps, 1));
     sum.low = _mm512_mask_add_epi64(sum.low, static_cast<__mmask8>(mask), sum.low, low);
     sum.high = _mm512_mask_add_epi64(sum.high, static_cast<__mmask8>(mask >> 8), sum.high, high);
+  }
+  static void add_narrow(Narrow& sum, Mask mask, Float flux) {
+    const __m512i steps = _mm512_cvtps_epi32(_mm512_mul_ps(flux, set(static_cast<float>(kFluxSteps))));
+    sum = _mm512_mask_add_epi32(sum, mask, sum, steps);
+  }
+  static void widen(Steps& sum, const Narrow& steps) {
+    sum.low = _mm512_add_epi64(sum.low, _mm512_cvtepi32_epi64(_mm512_castsi512_si256(steps)));
+    sum.high = _mm512_add_epi64(sum.high, _mm512_cvtepi32_epi64(_mm512_extracti64x4_epi64(steps, 1)));
   }
   static std::int64_t total(const Steps& s) { return _mm512_reduce_add_epi64(_mm512_add_epi64(s.low, s.high)); }
 };

@@ -11,7 +11,9 @@ namespace {
 template <typename V>
 struct QueryLanes {
   typename V::Float px, py, pz, nx, ny, nz, radius2, plane, cosine;
-  bool both_sides;
+  const DiscQuery& query;
+  std::uint32_t seen_normal = PhotonTree::kMixedNormals;   ///< of the last block, and whether its photons face the query
+  bool faces = false;
 
   explicit QueryLanes(const DiscQuery& q)
       : px(V::set(q.position.x)),
@@ -23,7 +25,7 @@ struct QueryLanes {
         radius2(V::set(q.radius2)),
         plane(V::set(kPlaneTolerance * std::sqrt(q.radius2))),
         cosine(V::set(kMinNormalCosine * kNormalSteps)),
-        both_sides(q.both_sides) {}
+        query(q) {}
 
   /// Bit i: box i of the node at `first` meets the ball.
   [[nodiscard]] std::uint32_t boxes(const PhotonTree::Level& level, std::size_t first) const {
@@ -36,20 +38,33 @@ struct QueryLanes {
     return V::bits(V::less_equal(V::add(V::add(axis(0, px), axis(1, py)), axis(2, pz)), radius2));
   }
 
+  /// The test of normals for a block in which all are the same: the same operations as in vectors, once.
+  [[nodiscard]] bool block_faces(std::uint32_t packed) {
+    if (packed == seen_normal) return faces;
+    seen_normal = packed;
+    const auto byte = [&](int i) { return static_cast<float>(static_cast<std::int8_t>(packed >> (8 * i))); };
+    const Vec3f& n = query.normal;
+    const float facing = byte(0) * n.x + byte(1) * n.y + byte(2) * n.z;
+    return faces = kMinNormalCosine * kNormalSteps <= (query.both_sides ? std::abs(facing) : facing);
+  }
+
   /// Mask of the accepted photons of the block at `first`.
-  [[nodiscard]] typename V::Mask photons(const PhotonArrays& p, std::size_t first) const {
+  [[nodiscard]] typename V::Mask photons(const PhotonTree& tree, std::size_t first) {
+    const std::uint32_t packed = tree.block_normal(first);
+    if (packed != PhotonTree::kMixedNormals && !block_faces(packed)) return V::none();
+    const PhotonArrays& p = tree.photons();
     const auto dx = V::sub(V::load(&p.x[first]), px);
     const auto dy = V::sub(V::load(&p.y[first]), py);
     const auto dz = V::sub(V::load(&p.z[first]), pz);
     const auto d2 = V::add(V::add(V::mul(dx, dx), V::mul(dy, dy)), V::mul(dz, dz));
-    const auto near = V::less_equal(d2, radius2);
-    if (V::bits(near) == 0) return near;
     const auto height = V::add(V::add(V::mul(dx, nx), V::mul(dy, ny)), V::mul(dz, nz));
+    const auto mask = V::both(V::less_equal(d2, radius2), V::less_equal(V::abs(height), plane));
+    if (packed != PhotonTree::kMixedNormals) return mask;
     const auto normal = V::load_bits(&p.normal[first]);
     auto facing = V::add(V::add(V::mul(V::signed_byte(normal, 0), nx), V::mul(V::signed_byte(normal, 1), ny)),
                          V::mul(V::signed_byte(normal, 2), nz));
-    if (both_sides) facing = V::abs(facing);
-    return V::both(near, V::both(V::less_equal(V::abs(height), plane), V::less_equal(cosine, facing)));
+    if (query.both_sides) facing = V::abs(facing);
+    return V::both(mask, V::less_equal(cosine, facing));
   }
 };
 
@@ -84,37 +99,60 @@ void for_each_block(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& 
 
 template <typename V>
 std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query) {
-  const QueryLanes<V> lanes(query);
+  QueryLanes<V> lanes(query);
   std::uint32_t count = 0;
   for_each_block<V>(tree, lanes, [&](std::size_t first) {
-    count += static_cast<std::uint32_t>(std::popcount(V::bits(lanes.photons(tree.photons(), first))));
+    count += static_cast<std::uint32_t>(std::popcount(V::bits(lanes.photons(tree, first))));
   });
   return count;
 }
 
 template <typename V>
 FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
-  const QueryLanes<V> lanes(query);
+  QueryLanes<V> lanes(query);
   FluxSum sum;
   typename V::Steps r{}, g{}, b{};
-  for_each_block<V>(tree, lanes, [&](std::size_t first) {
-    const auto mask = lanes.photons(tree.photons(), first);
-    const std::uint32_t bits = V::bits(mask);
-    if (bits == 0) return;
-    sum.count += static_cast<std::uint32_t>(std::popcount(bits));
-    V::add_steps(r, mask, V::load(&tree.photons().r[first]));
-    V::add_steps(g, mask, V::load(&tree.photons().g[first]));
-    V::add_steps(b, mask, V::load(&tree.photons().b[first]));
-  });
+  const PhotonArrays& p = tree.photons();
+  const std::uint32_t room = tree.blocks_in_32_bits();
+  if (room == 0) {
+    for_each_block<V>(tree, lanes, [&](std::size_t first) {
+      const auto mask = lanes.photons(tree, first);
+      sum.count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
+      V::add_steps(r, mask, V::load(&p.r[first]));
+      V::add_steps(g, mask, V::load(&p.g[first]));
+      V::add_steps(b, mask, V::load(&p.b[first]));
+    });
+  } else {
+    typename V::Narrow narrow_r = V::no_steps(), narrow_g = V::no_steps(), narrow_b = V::no_steps();
+    const auto empty = [&] {
+      V::widen(r, narrow_r), V::widen(g, narrow_g), V::widen(b, narrow_b);
+      narrow_r = narrow_g = narrow_b = V::no_steps();
+    };
+    std::uint32_t left = room;
+    for_each_block<V>(tree, lanes, [&](std::size_t first) {
+      const auto mask = lanes.photons(tree, first);
+      const std::uint32_t bits = V::bits(mask);
+      if (bits == 0) return;
+      sum.count += static_cast<std::uint32_t>(std::popcount(bits));
+      V::add_narrow(narrow_r, mask, V::load(&p.r[first]));
+      V::add_narrow(narrow_g, mask, V::load(&p.g[first]));
+      V::add_narrow(narrow_b, mask, V::load(&p.b[first]));
+      if (--left == 0) {
+        empty();
+        left = room;
+      }
+    });
+    empty();
+  }
   sum.steps = {V::total(r), V::total(g), V::total(b)};
   return sum;
 }
 
 template <typename V>
 void collect_photons(const PhotonTree& tree, const DiscQuery& query, std::vector<std::uint32_t>& indices) {
-  const QueryLanes<V> lanes(query);
+  QueryLanes<V> lanes(query);
   for_each_block<V>(tree, lanes, [&](std::size_t first) {
-    for (std::uint32_t bits = V::bits(lanes.photons(tree.photons(), first)); bits != 0; bits &= bits - 1) {
+    for (std::uint32_t bits = V::bits(lanes.photons(tree, first)); bits != 0; bits &= bits - 1) {
       indices.push_back(static_cast<std::uint32_t>(first) + static_cast<std::uint32_t>(std::countr_zero(bits)));
     }
   });

@@ -1,6 +1,8 @@
 #include "worker/photon/photon_tracer.h"
 
 #include <algorithm>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include <tbb/parallel_for.h>
@@ -10,30 +12,147 @@
 #include "worker/scene/medium_stack.h"
 
 namespace pf {
+namespace {
+
+/// Paths are cut into chunks of a fixed size, each with its own batch, joined in order.
+constexpr std::uint32_t kChunk = 8192;
+
+}  // namespace
 
 /// A photon on its way.
 struct PhotonTracer::Walk {
-  Ray ray;
-  Rgb flux;                    ///< in units of flux_unit()
+  PathRng rng{0, Stream::kPhoton, 0, 0};
+  Vec3f position;  ///< of the lamp or of the last surface
+  Rgb flux;        ///< in units of flux_unit()
   MediumStack media;
-  bool specular_only = true;   ///< no diffuse bounce yet
+  int bounce = 0;
+  bool specular_only = true;  ///< no diffuse bounce yet
 };
 
 PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
     : scene_(scene),
       options_(options),
-      flux_unit_(static_cast<double>(average(scene.lights().total_flux())) / options.paths) {}
+      flux_unit_(static_cast<double>(average(scene.lights().total_flux())) / options.paths),
+      emitted_scale_(static_cast<float>(1.0 / (flux_unit_ * options.paths))) {}
+
+void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng,
+                         const Vec3f& ns, PhotonBatch& batch) const {
+  Rgb flux = walk.flux;
+  const float geometric = dot(wo, ng);
+  const float shading = dot(wo, ns);
+  if (geometric <= 0.0f || shading <= 0.0f) return;
+  if (shading != geometric) flux *= shading / geometric;
+  if (!is_finite(flux)) {
+    ++batch.faults.not_finite;
+    return;
+  }
+  if (max_component(flux) > kMaxPhotonFlux) {
+    ++batch.faults.overflow;
+    return;
+  }
+  batch.flows[walk.specular_only ? kCaustic : kIndirect].push(point.position, flux, wo, ng);
+}
+
+bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const {
+  walk.rng = PathRng(options_.seed, Stream::kPhoton, sub_pass, path);
+  const float u_light = walk.rng.next1();
+  const Vec2f u_position = walk.rng.next2();
+  const auto picked = scene_.lights().emit(u_light, u_position, walk.rng.next2());
+  if (!picked) return false;
+  ray = {picked->emission.origin, picked->emission.direction};
+  walk.position = picked->emission.origin;
+  walk.flux = picked->emission.flux * emitted_scale_;
+  walk.bounce = 0;
+  walk.specular_only = true;
+  walk.media = MediumStack();
+  if (picked->triangle >= 0) {
+    const auto index = static_cast<std::uint32_t>(picked->triangle);
+    walk.flux *= scene_.emission_ratio(index, picked->barycentric);
+    walk.media = MediumStack(scene_.media_of_emitter(index));
+    const EmissiveTriangle& lamp = scene_.lights().triangle(index);
+    const Vec2f& b = picked->barycentric;
+    walk.position = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
+  } else if (scene_.any_medium()) {
+    walk.media = MediumStack(scene_.media_around(picked->emission.origin));
+  }
+  return max_component(walk.flux) > 0.0f;
+}
+
+bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, PhotonBatch& batch) const {
+  if (!walk.media.empty())
+    walk.flux *= walk.media.transmittance(scene_, length(point.position - walk.position));
+  const Vec3f wo = -ray.direction;
+  const bool entering = dot(wo, point.ng) > 0.0f;
+  const Bsdf bsdf(scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering)), wo);
+  if (bsdf.is_black()) return false;
+  if (walk.bounce > 0 && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), batch);
+
+  const float u_lobe = walk.rng.next1();
+  const auto sample = bsdf.sample(wo, u_lobe, walk.rng.next2(), Transport::kFlux);
+  if (!sample) return false;
+  // A rough reflection counts as specular with the probability that it is followed rather than gathered.
+  if (sample->specularity <= 0.0f ||
+      (sample->specularity < 1.0f && walk.rng.next1() >= sample->specularity)) {
+    walk.specular_only = false;
+  }
+  // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
+  const Rgb flux = walk.flux * sample->weight;
+  const float survival = std::min(1.0f, max_component(flux) / max_component(walk.flux));
+  if (!(survival > 0.0f)) return false;
+  if (survival < 1.0f) {
+    if (walk.rng.next1() >= survival) return false;
+    walk.flux = flux / survival;
+  } else {
+    walk.flux = flux;
+  }
+  if (sample->refracted) walk.media.cross(point.material, entering);
+  walk.position = point.position;
+  ray = {offset_past(point, sample->wi), sample->wi};
+  ++walk.bounce;
+  return options_.max_depth == 0 || walk.bounce < options_.max_depth;
+}
+
+template <typename Watch>
+void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end,
+                               PhotonBatch& batch, Watch&& watch) const {
+  // Several photons take turns, a bounce each: what one waits for in memory the next have already asked for.
+  constexpr std::size_t kLanes = 32;
+  std::vector<Walk> walks(kLanes);
+  std::array<Ray, kLanes> rays;
+  std::array<std::optional<SurfacePoint>, kLanes> points;
+  std::uint32_t next = first;
+  const auto start = [&](std::size_t lane) {
+    while (next < end) {
+      if (emit(sub_pass, next++, walks[lane], rays[lane])) return true;
+    }
+    return false;
+  };
+  std::size_t alive = 0;
+  while (alive < kLanes && start(alive)) ++alive;
+  while (alive > 0) {
+    const std::span<const Ray> shot(rays.data(), alive);
+    watch(shot);
+    batch.rays += alive;
+    scene_.intersect(shot, points);
+    for (std::size_t lane = alive; lane-- > 0;) {
+      if (points[lane] && scatter(walks[lane], *points[lane], rays[lane], batch)) continue;
+      if (start(lane)) continue;
+      // No path is left to start: the last lane, already done with this turn, moves here.
+      --alive;
+      walks[lane] = walks[alive];
+      rays[lane] = rays[alive];
+    }
+  }
+}
 
 PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
-  // Paths are cut into chunks of a fixed size, each with its own batch, joined in order.
-  constexpr std::uint32_t kChunk = 8192;
   PhotonBatch all;
   if (flux_unit_ <= 0.0) return all;
   const std::uint32_t chunks = (options_.paths + kChunk - 1) / kChunk;
   std::vector<PhotonBatch> parts(chunks);
   tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
     const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
-    for (std::uint32_t path = chunk * kChunk; path < end; ++path) trace_path(sub_pass, path, parts[chunk]);
+    trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](std::span<const Ray>) {});
   });
   for (std::size_t flow = 0; flow < kFlows; ++flow) {
     PhotonArrays& joined = all.flows[flow];
@@ -56,73 +175,14 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
   return all;
 }
 
-void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns,
-                         PhotonBatch& batch) const {
-  Rgb flux = walk.flux;
-  const float geometric = dot(wo, ng);
-  const float shading = dot(wo, ns);
-  if (geometric <= 0.0f || shading <= 0.0f) return;
-  if (shading != geometric) flux *= shading / geometric;
-  if (!is_finite(flux)) {
-    ++batch.faults.not_finite;
-    return;
+std::vector<Ray> PhotonTracer::rays_of(std::uint64_t sub_pass) const {
+  std::vector<Ray> all;
+  for (std::uint32_t first = 0; first < options_.paths; first += kChunk) {
+    PhotonBatch batch;
+    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), batch,
+                [&](std::span<const Ray> rays) { all.insert(all.end(), rays.begin(), rays.end()); });
   }
-  if (max_component(flux) > kMaxPhotonFlux) {
-    ++batch.faults.overflow;
-    return;
-  }
-  batch.flows[walk.specular_only ? kCaustic : kIndirect].push(point.position, flux, wo, ng);
-}
-
-void PhotonTracer::trace_path(std::uint64_t sub_pass, std::uint32_t path, PhotonBatch& batch) const {
-  PathRng rng(options_.seed, Stream::kPhoton, sub_pass, path);
-  const float u_light = rng.next1();
-  const Vec2f u_position = rng.next2();
-  const auto picked = scene_.lights().emit(u_light, u_position, rng.next2());
-  if (!picked) return;
-  Walk walk;
-  walk.ray = {picked->emission.origin, picked->emission.direction};
-  walk.flux = picked->emission.flux * static_cast<float>(1.0 / (flux_unit_ * options_.paths));
-  if (picked->triangle >= 0) {
-    const auto index = static_cast<std::uint32_t>(picked->triangle);
-    walk.flux *= scene_.emission_ratio(index, picked->barycentric);
-    walk.media = MediumStack(scene_.media_of_emitter(index));
-  } else if (scene_.any_medium()) {
-    walk.media = MediumStack(scene_.media_around(picked->emission.origin));
-  }
-  if (!(max_component(walk.flux) > 0.0f)) return;
-
-  for (int bounce = 0; options_.max_depth == 0 || bounce < options_.max_depth; ++bounce) {
-    ++batch.rays;
-    const auto point = scene_.intersect(walk.ray);
-    if (!point) return;
-    if (!walk.media.empty()) walk.flux *= walk.media.transmittance(scene_, point->t);
-    const Vec3f wo = -walk.ray.direction;
-    const bool entering = dot(wo, point->ng) > 0.0f;
-    const Bsdf bsdf(scene_.evaluate(*point, walk.media.eta_outside(scene_, point->material, entering)), wo);
-    if (bsdf.is_black()) return;
-    if (bounce > 0 && !bsdf.is_delta_only()) store(walk, *point, wo, bsdf.ng(), bsdf.ns(), batch);
-
-    const float u_lobe = rng.next1();
-    const auto sample = bsdf.sample(wo, u_lobe, rng.next2(), Transport::kFlux);
-    if (!sample) return;
-    // A rough reflection counts as specular with the probability that it is followed rather than gathered.
-    if (sample->specularity <= 0.0f || (sample->specularity < 1.0f && rng.next1() >= sample->specularity)) {
-      walk.specular_only = false;
-    }
-    // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
-    const Rgb flux = walk.flux * sample->weight;
-    const float survival = std::min(1.0f, max_component(flux) / max_component(walk.flux));
-    if (!(survival > 0.0f)) return;
-    if (survival < 1.0f) {
-      if (rng.next1() >= survival) return;
-      walk.flux = flux / survival;
-    } else {
-      walk.flux = flux;
-    }
-    if (sample->refracted) walk.media.cross(point->material, entering);
-    walk.ray = {offset_past(*point, sample->wi), sample->wi};
-  }
+  return all;
 }
 
 }  // namespace pf

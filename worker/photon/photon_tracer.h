@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "common/film/statistics.h"
 #include "worker/photon/photon.h"
@@ -11,8 +12,8 @@ namespace pf {
 
 struct PhotonOptions {
   std::uint64_t seed = 1;
-  std::uint32_t paths = 500000;   ///< per sub-pass
-  int max_depth = 32;             ///< surface hits of a path; 0: no bound but Russian roulette
+  std::uint32_t paths = 500000;  ///< per sub-pass
+  int max_depth = 32;            ///< surface hits of a path; 0: no bound but Russian roulette
 };
 
 /// Photons of one sub-pass, by flow, and what tracing them took.
@@ -22,10 +23,10 @@ struct PhotonBatch {
   Faults faults;
 };
 
-/// Emits and follows the photon paths of sub-passes [Jensen 1996; Jensen 2001, chapter 5]: flux Phi/N by light, Russian
-/// roulette that keeps photons whole, storage at every non-specular hit after the first: direct light is sampled from the
-/// eye. A photon's flux is kept in units of flux_unit(), folded with |cos(ns)|/|cos(ng)| at its hit, so that a gather over
-/// a Lambert surface is a plain sum [Veach 1997, 5.3].
+/// Emits and follows the photon paths of sub-passes [Jensen 1996; Jensen 2001, chapter 5]: flux Phi/N by
+/// light, Russian roulette that keeps photons whole, storage at every non-specular hit after the first:
+/// direct light is sampled from the eye. A photon's flux is kept in units of flux_unit(), folded with
+/// |cos(ns)|/|cos(ng)| at its hit, so that a gather over a Lambert surface is a plain sum [Veach 1997, 5.3].
 class PhotonTracer {
  public:
   PhotonTracer(const Scene& scene, const PhotonOptions& options);
@@ -36,17 +37,27 @@ class PhotonTracer {
   [[nodiscard]] double flux_unit() const { return flux_unit_; }
   [[nodiscard]] const PhotonOptions& options() const { return options_; }
 
-  /// One path, appended to `batch`; public for the bench.
-  void trace_path(std::uint64_t sub_pass, std::uint32_t path, PhotonBatch& batch) const;
+  /// Every ray of one sub-pass in the order in which one thread shoots them: what the bench replays.
+  [[nodiscard]] std::vector<Ray> rays_of(std::uint64_t sub_pass) const;
 
  private:
   struct Walk;
+  /// Paths [first, end), appended to `batch`; `watch` is called with all rays about to be shot.
+  template <typename Watch>
+  void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, PhotonBatch& batch,
+                   Watch&& watch) const;
+  /// Emits a photon; false when its path carries nothing.
+  bool emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const;
+  /// Stores the photon at the point that `ray` met and sets `ray` to where it goes on; false when it ends
+  /// there.
+  bool scatter(Walk& walk, const SurfacePoint& point, Ray& ray, PhotonBatch& batch) const;
   void store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns,
              PhotonBatch& batch) const;
 
   const Scene& scene_;
   PhotonOptions options_;
   double flux_unit_ = 0;
+  float emitted_scale_ = 0;  ///< from the flux of all paths [W] to flux_unit()
 };
 
 }  // namespace pf

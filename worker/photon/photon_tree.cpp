@@ -80,6 +80,22 @@ PhotonTree::PhotonTree(PhotonArrays photons) : photons_(std::move(photons)), cou
     std::fill(axis->begin() + static_cast<std::ptrdiff_t>(count_), axis->end(), kInfinity);
   }
   build_levels();
+  summarise_blocks();
+}
+
+void PhotonTree::summarise_blocks() {
+  const auto& normals = photons_.normal;
+  for (std::size_t first = 0; first < normals.size(); first += kWidth) {
+    const auto begin = normals.begin() + static_cast<std::ptrdiff_t>(first);
+    const auto end = normals.begin() + static_cast<std::ptrdiff_t>(std::min(first + kWidth, count_));
+    block_normals_.push_back(std::all_of(begin, end, [&](std::uint32_t n) { return n == *begin; }) ? *begin : kMixedNormals);
+  }
+  float most = 0.0f;
+  for (const auto* channel : {&photons_.r, &photons_.g, &photons_.b}) {
+    for (const float flux : *channel) most = std::max(most, std::abs(flux));
+  }
+  const double room = 0x1p31 / (double{most} * kFluxSteps + 1.0);
+  blocks_in_32_bits_ = static_cast<std::uint32_t>(std::min(room, 0x1p31));
 }
 
 void PhotonTree::build_levels() {

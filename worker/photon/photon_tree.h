@@ -69,12 +69,20 @@ class PhotonTree {
   };
   [[nodiscard]] const std::vector<Level>& levels() const { return levels_; }
   [[nodiscard]] const PhotonArrays& photons() const { return photons_; }
+  /// Packed normal of all photons of the block at `first`, or kMixedNormals.
+  [[nodiscard]] std::uint32_t block_normal(std::size_t first) const { return block_normals_[first / kWidth]; }
+  static constexpr std::uint32_t kMixedNormals = ~0u;   ///< packed ones have 24 bits
+  /// Steps of one photon from each of so many blocks sum up in 32 bits, whichever they are; 0: one photon may need more.
+  [[nodiscard]] std::uint32_t blocks_in_32_bits() const { return blocks_in_32_bits_; }
 
  private:
   void build_levels();
+  void summarise_blocks();
 
   PhotonArrays photons_;          ///< padded to whole blocks with photons infinitely far away
   std::vector<Level> levels_;     ///< [0]: boxes of the blocks; the last has at most kWidth boxes
+  std::vector<std::uint32_t> block_normals_;
+  std::uint32_t blocks_in_32_bits_ = 0;
   std::size_t count_ = 0;
   Isa isa_ = best_isa();
 };

@@ -22,6 +22,17 @@ inline void embree_intersect(RTCScene scene, RTCRayHit& ray_hit) {
 #endif
 }
 
+/// Closest hits of the rays whose `valid` is -1 (aligned to 32 bytes).
+inline void embree_intersect(const int* valid, RTCScene scene, RTCRayHit8& packet) {
+#if PHOTONFARM_EMBREE_MAJOR == 4
+  rtcIntersect8(valid, scene, &packet, nullptr);
+#else
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcIntersect8(valid, scene, &context, &packet);
+#endif
+}
+
 /// Sets ray.tfar to -infinity when anything is hit.
 inline void embree_occluded(RTCScene scene, RTCRay& ray) {
 #if PHOTONFARM_EMBREE_MAJOR == 4

@@ -34,7 +34,8 @@ class MediumStack {
       remove(material);
     }
   }
-  /// Part of the light that is left after `distance` metres [Beer-Lambert].
+  /// Part of the light that is left after `distance` metres [Beer-Lambert]. Between the two surface points: a ray's own
+  /// length is short by the offset with which it left its surface.
   [[nodiscard]] Rgb transmittance(const Scene& scene, float distance) const {
     if (size_ == 0) return {1.0f, 1.0f, 1.0f};
     const Rgb& sigma = scene.medium(materials_[size_ - 1])->sigma_a;

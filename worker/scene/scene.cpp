@@ -50,6 +50,13 @@ float roulette_from_ray(const Vec3f& origin, const Vec3f& direction, std::uint32
 Scene::~Scene() = default;
 
 SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const {
+  SurfacePoint point;
+  find_surface_point(placement, primitive, b1, b2, point);
+  return point;
+}
+
+void Scene::find_surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2,
+                               SurfacePoint& point) const {
   const Placement& placed = placements_[placement];
   const Corners& corners = corners_[placed.mesh];
   auto [p0, p1, p2] = corners.positions[primitive];
@@ -58,7 +65,6 @@ SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primiti
     p1 = p1 * placed.object_to_world;
     p2 = p2 * placed.object_to_world;
   }
-  SurfacePoint point;
   point.position = interpolate(p0, p1, p2, b1, b2);
   point.extent = std::max(max_magnitude(p0), std::max(max_magnitude(p1), max_magnitude(p2)));
   point.ng = triangle_normal(p0, p1, p2);
@@ -76,7 +82,6 @@ SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primiti
   point.b1 = b1;
   point.b2 = b2;
   point.material = placed.material;
-  return point;
 }
 
 std::optional<SurfacePoint> Scene::intersect(const Ray& ray) const {
@@ -85,6 +90,25 @@ std::optional<SurfacePoint> Scene::intersect(const Ray& ray) const {
   SurfacePoint point = surface_point(hit->placement, hit->primitive, hit->b1, hit->b2);
   point.t = hit->t;
   return point;
+}
+
+void Scene::intersect(std::span<const Ray> rays, std::span<std::optional<SurfacePoint>> points) const {
+  for (std::size_t first = 0; first < rays.size(); first += Embree::kPacket) {
+    const std::size_t count = std::min(Embree::kPacket, rays.size() - first);
+    const RTCRayHit8 packet = embree_->intersect(rays.subspan(first, count));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+      corners_[placements_[Embree::placement_of(packet.hit, i)].mesh].prefetch(packet.hit.primID[i]);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      std::optional<SurfacePoint>& point = points[first + i];
+      point.reset();
+      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+      find_surface_point(Embree::placement_of(packet.hit, i), packet.hit.primID[i], packet.hit.u[i], packet.hit.v[i],
+                         point.emplace());
+      point->t = packet.ray.tfar[i];
+    }
+  }
 }
 
 bool Scene::meets(const Ray& ray) const { return embree_->intersect(ray.origin, ray.direction, ray.t_max).has_value(); }

@@ -56,6 +56,8 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   [[nodiscard]] std::optional<SurfacePoint> intersect(const Ray& ray) const;
+  /// The same for many rays at once: points[i] for rays[i]. The triangles of all are fetched from memory together.
+  void intersect(std::span<const Ray> rays, std::span<std::optional<SurfacePoint>> points) const;
   /// Whether the ray meets anything, by a closest-hit query without shading: what the bench holds tracing against.
   [[nodiscard]] bool meets(const Ray& ray) const;
   /// True when anything lies on the segment origin + t * direction, t in (0, t_max).
@@ -114,6 +116,14 @@ class Scene {
   struct Corners {
     std::vector<std::array<Vec3f, 3>> positions;
     std::vector<std::array<Vec3f, 3>> normals;  ///< empty: flat shading
+
+    void prefetch(std::size_t triangle) const {
+      __builtin_prefetch(&positions[triangle][0]);
+      __builtin_prefetch(&positions[triangle][2].z);
+      if (normals.empty()) return;
+      __builtin_prefetch(&normals[triangle][0]);
+      __builtin_prefetch(&normals[triangle][2].z);
+    }
   };
 
   Scene() = default;
@@ -123,6 +133,7 @@ class Scene {
   void find_material_traits();
   void find_lights();
   [[nodiscard]] SurfacePoint surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const;
+  void find_surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2, SurfacePoint& point) const;
   [[nodiscard]] Vec2f uv(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
   [[nodiscard]] Vec4f texel(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
   [[nodiscard]] Vec3f mapped_normal(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref, float scale) const;

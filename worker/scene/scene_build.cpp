@@ -263,18 +263,6 @@ void Scene::find_lights() {
   lights_ = std::make_unique<Lights>(std::move(emitters), description_.lights, &environment_, bounds_);
 }
 
-std::optional<Scene::Embree::Hit> Scene::Embree::intersect(const Vec3f& origin, const Vec3f& direction, float t_max) const {
-  RTCRayHit ray_hit;
-  ray_hit.ray = {origin.x, origin.y, origin.z, 0.0f, direction.x, direction.y, direction.z, 0.0f, t_max, ~0u, 0, 0};
-  ray_hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  ray_hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  embree_intersect(top.get(), ray_hit);
-  if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  const std::uint32_t placement =
-      ray_hit.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? ray_hit.hit.geomID : ray_hit.hit.instID[0];
-  return Hit{ray_hit.ray.tfar, ray_hit.hit.u, ray_hit.hit.v, placement, ray_hit.hit.primID};
-}
-
 bool Scene::Embree::occluded(const Vec3f& origin, const Vec3f& direction, float t_max) const {
   RTCRay ray{origin.x, origin.y, origin.z, 0.0f, direction.x, direction.y, direction.z, 0.0f, t_max, ~0u, 0, 0};
   embree_occluded(top.get(), ray);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -138,6 +139,58 @@ TEST_F(AtomicFile, MakesSecretsReadableToTheOwnerAlone) {
   struct ::stat status = {};
   ASSERT_EQ(::stat((folder_ / "token").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
+}
+
+TEST_F(AtomicFile, RemovesWhatAKilledWriterLeft) {
+  const fs::path file = folder_ / "x.json";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const FileWriter dying = [](const fs::path& temporary) -> Result<void> {
+      std::ofstream(temporary) << "half";
+      ::raise(SIGKILL);
+      return {};
+    };
+    (void)write_file_atomically(file, dying);
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  ASSERT_EQ(files_in_folder(), 1);
+  ASSERT_TRUE(write_file_atomically(folder_ / "y.json", "of another file"));
+  ASSERT_EQ(files_in_folder(), 2);
+  ASSERT_TRUE(write_file_atomically(file, "whole"));
+  EXPECT_EQ(content(file), "whole");
+  EXPECT_EQ(files_in_folder(), 2);
+}
+
+TEST_F(AtomicFile, LeavesFilesAloneThatOnlyLookLikeItsOwn) {
+  const std::vector<std::string> names = {".x.tmp", ".x.0123456789abcde.tmp", ".x.0123456789abcdeg.tmp",
+                                          ".y.0123456789abcdef.tmp", ".x.0123456789abcdef.tmp.json"};
+  for (const std::string& name : names) std::ofstream(folder_ / name) << "mine";
+  ASSERT_TRUE(fs::create_directory(folder_ / ".x.0123456789abcdef.tmp"));
+  ASSERT_TRUE(write_file_atomically(folder_ / "x", "bytes"));
+  EXPECT_EQ(files_in_folder(), static_cast<std::ptrdiff_t>(names.size()) + 2);
+}
+
+TEST_F(AtomicFile, WritersOfOneFileDoNotRemoveEachOthersWork) {
+  const fs::path file = folder_ / "x";
+  const FileWriter slow = [&](const fs::path& temporary) -> Result<void> {
+    std::ofstream(temporary) << "slow";
+    EXPECT_TRUE(write_file_atomically(file, "quick"));
+    EXPECT_EQ(content(temporary), "slow");
+    return {};
+  };
+  ASSERT_TRUE(write_file_atomically(file, slow));
+  EXPECT_EQ(content(file), "slow");
+  std::vector<std::thread> writers;
+  for (int t = 0; t < 4; ++t) {
+    writers.emplace_back([&] {
+      for (int i = 0; i < 50; ++i) EXPECT_TRUE(write_file_atomically(file, "bytes"));
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  EXPECT_EQ(files_in_folder(), 1);
 }
 
 TEST_F(AtomicFile, ReadersNeverSeeAHalfWrittenFile) {

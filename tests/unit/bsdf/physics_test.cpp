@@ -235,18 +235,6 @@ TEST(BsdfTransport, NoLightLeaksWhereTheNormalsDisagree) {
   }
 }
 
-TEST(BsdfTransport, MirrorNeverSendsLightIntoTheSurface) {
-  Random random(15);
-  for (int i = 0; i < 20000; ++i) {
-    const Vec3f wo = sample_cosine_hemisphere(random.square());
-    const Bsdf bsdf(tilted(metal(0.0f), 60.0f * random.uniform()), wo);
-    const auto s = bsdf.sample(wo, random.uniform(), random.square(), Transport::kRadiance);
-    ASSERT_TRUE(s) << wo;
-    ASSERT_GT(s->wi.z, 0.0f);
-    ASSERT_EQ(s->weight, Rgb(1.0f));
-  }
-}
-
 TEST(Fresnel, MatchesClosedForms) {
   EXPECT_NEAR(fresnel_dielectric(1.0f, 1.5f), 0.04f, 1e-7f);
   EXPECT_NEAR(fresnel_dielectric(1.0f, 1.0f / 1.5f), 0.04f, 1e-7f);

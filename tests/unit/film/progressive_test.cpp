@@ -104,6 +104,11 @@ Statistics random_result(int seed) {
     p.photons[kIndirect] = static_cast<std::uint32_t>(number());
     p.square = number();
   }
+  for (FeatureSums& f : s.features) {
+    f.albedo = {static_cast<std::int16_t>(rng.next1() * 2048.0f), 1024, 1};
+    f.normal = {-2048, 0, 7};
+    f.add_depth(static_cast<double>(number()));
+  }
   s.sub_passes = 1;
   return s;
 }
@@ -120,6 +125,7 @@ TEST(Statistics, AddUpWithoutOrderOrGrouping) {
   ASSERT_TRUE(grouped.add(random_result(0)));
   EXPECT_EQ(forwards.pixels[4].direct, grouped.pixels[4].direct);
   EXPECT_EQ(forwards.pixels[5].flow, grouped.pixels[5].flow);
+  EXPECT_EQ(forwards.features, grouped.features);
   EXPECT_EQ(forwards.sub_passes, grouped.sub_passes);
 }
 
@@ -129,6 +135,19 @@ TEST(Statistics, ReportOverflowAndOtherSizes) {
   a.pixels[0].direct[0] = b.pixels[0].direct[0] = std::numeric_limits<std::int64_t>::max() / 2 + 1;
   EXPECT_FALSE(a.add(b));
   EXPECT_FALSE(a.add(Statistics(2, 1)));
+}
+
+TEST(Statistics, FeaturesHoldFifteenSamplesOfTheLargestSizeAndRefuseMore) {
+  Statistics sum(1, 1, false);
+  Statistics sample(1, 1);
+  sample.features[0].albedo = {2048, 2048, 2048};
+  sample.features[0].normal = {-2048, 2048, -2048};
+  sample.features[0].add_depth(1e30);
+  for (std::uint64_t i = 0; i < kFeatureSubPasses; ++i) ASSERT_TRUE(sum.add(sample)) << i;
+  EXPECT_EQ(sum.features[0].samples(), kFeatureSubPasses);
+  EXPECT_EQ(sum.features[0].depth(), kFeatureSubPasses * 0x1000000u);
+  EXPECT_EQ(sum.features[0].normal[0], -15 * 2048);
+  EXPECT_FALSE(sum.add(sample));
 }
 
 class Checkpoint : public testing::Test {

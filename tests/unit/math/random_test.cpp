@@ -21,6 +21,16 @@ TEST(Philox, GivesThePublishedAnswers) {
             (Block{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}));
 }
 
+TEST(PathRng, IsPhiloxBlockAfterBlock) {
+  constexpr std::uint64_t kSeed = 0x123456789abcdef0, kPass = 0x1234567890;
+  PathRng rng(kSeed, Stream::kPhoton, kPass, 77);
+  for (std::uint32_t block = 0; block < 9; ++block) {
+    const auto bits = philox4x32({77, static_cast<std::uint32_t>(kPass), 0x12 ^ (1u << 16), block},
+                                 {static_cast<std::uint32_t>(kSeed), static_cast<std::uint32_t>(kSeed >> 32)});
+    for (const std::uint32_t b : bits) EXPECT_EQ(rng.next1(), to_unit_float(b)) << block;
+  }
+}
+
 TEST(PathRng, DependsOnEveryPartOfItsName) {
   const auto first = [](std::uint64_t seed, Stream s, std::uint64_t pass, std::uint32_t path) {
     return PathRng(seed, s, pass, path).next1();

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "common/math/philox.h"
 #include "tests/support/scenes.h"
 
@@ -73,6 +75,32 @@ TEST_P(CoveredAreaOfABall, IsOne) {
   EXPECT_GT(measure(*scene, {0.0f, 2.0f, 0.0f}, 0.2f).mean, 0.98);
 }
 INSTANTIATE_TEST_SUITE_P(Radii, CoveredAreaOfABall, testing::Values(0.5f, 0.8f, 2.0f));
+
+TEST(CoveredArea, OfManyDiscsIsThatOfEach) {
+  const auto scene = floor_with(true).build();  // a wall at x = 1, an edge at x = 4
+  constexpr float kRadius = 0.2f;
+  PathRng rng(6, Stream::kTest, 0, 0);
+  std::vector<GatherDisc> discs;
+  for (int z = 0; z < 16; ++z) {
+    for (int x = 0; x < 180; ++x) {
+      const Vec3f above{1.02f + 0.0165f * static_cast<float>(x), 1.0f, 1.5f + 0.02f * static_cast<float>(z)};
+      const auto point = scene->intersect({above, {0, -1, 0}});
+      ASSERT_TRUE(point.has_value());
+      discs.push_back({*point, {point->position, {0, 1, 0}, kRadius * kRadius, false}, rng.next2()});
+    }
+  }
+  std::uint64_t rays = 0;
+  find_covered_radii(*scene, discs, rays);
+  for (const GatherDisc& disc : discs) {
+    const float room = std::min(disc.point.position.x - 1.0f, 4.0f - disc.point.position.x);
+    if (room > 1.01f * kRadius) {
+      EXPECT_EQ(disc.covered_radius, kInfinity) << room;
+    } else if (room < 0.7f * kRadius) {
+      EXPECT_LT(disc.covered_radius, room + 0.25f * kRadius) << room;  // probes stand so far apart
+    }
+  }
+  EXPECT_LT(rays, discs.size() * 10);
+}
 
 }  // namespace
 }  // namespace pf

@@ -91,6 +91,23 @@ TEST_P(PhotonTreeOfSize, FindsExactlyWhatBruteForceFinds) {
 
 INSTANTIATE_TEST_SUITE_P(Sizes, PhotonTreeOfSize, testing::Values(0, 1, 15, 16, 17, 255, 257, 4097, 30000));
 
+TEST(PhotonTree, SumsOfPhotonsOfAnyStrengthAreExact) {
+  // Sums of 32 bits hold a few blocks, one block, or not even a photon.
+  for (const float strength : {1.0f, 10.0f, 40.0f, 130.0f, 1e5f}) {
+    PhotonArrays photons = some_photons(5000);
+    for (auto* channel : {&photons.r, &photons.g, &photons.b}) {
+      for (float& flux : *channel) flux *= strength;
+    }
+    PhotonTree tree{PhotonArrays(photons)};
+    const DiscQuery q{{0, 0, 0}, {0, 1, 0}, 1.0f, false};
+    const FluxSum expected = brute_force(q, photons);
+    for (const PhotonTree::Isa isa : isas()) {
+      tree.use_isa(isa);
+      EXPECT_EQ(tree.sum_flux(q).steps, expected.steps) << strength;
+    }
+  }
+}
+
 TEST(PhotonTree, FindsPhotonsAtTheEdgeOfTheirBounds) {
   const PhotonArrays photons = some_photons(2000);
   const PhotonTree tree{PhotonArrays(photons)};

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+
+namespace pf {
+
+/// Figures of a finished (or stopped) job, and where its files lie. One machine and the farm write the same.
+struct RenderResult {
+  std::filesystem::path exr, png, json;
+  std::string image_hash;                       ///< SHA-256 of the beauty's floats: equal images, equal hashes
+  std::uint64_t passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0;
+  double load_seconds = 0, render_seconds = 0, write_seconds = 0;
+  double error = 0;
+  std::uint64_t peak_bytes = 0;
+  std::vector<std::string> warnings;
+};
+
+/// What a result says about its job.
+struct ResultLabels {
+  std::string name;                             ///< of the files
+  float exposure = 0;                           ///< stops, for the PNG
+  std::string spec_hash, scene_hash, plan, spec_json;
+  std::uint64_t seed = 0;
+};
+
+/// Names of a job's files in a folder.
+struct OutputPaths {
+  std::filesystem::path exr, png, json, checkpoint;
+  OutputPaths(const std::filesystem::path& folder, const std::string& name)
+      : exr(folder / (name + ".exr")),
+        png(folder / (name + ".png")),
+        json(folder / (name + ".json")),
+        checkpoint(folder / (name + ".checkpoint")) {}
+};
+
+/// Writes EXR and PNG of the image so far and fills in what the film knows: paths, hash, counts, error, warnings of
+/// left-out contributions. Errors: kInternal.
+[[nodiscard]] Result<void> write_images(const Film& film, const ResultLabels& labels, const std::filesystem::path& folder,
+                                        RenderResult& result);
+/// The result as the JSON document that `--json` prints and that stands beside the image.
+[[nodiscard]] std::string result_json(const std::string& name, const RenderResult& result);
+/// Why a job with overflowed sums fails.
+[[nodiscard]] std::string overflow_message(const std::string& name, std::uint64_t overflows);
+
+}  // namespace pf
