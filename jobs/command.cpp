@@ -21,6 +21,16 @@ constexpr std::array kCommands = {
             run_plan_command},
     Command{"compare", "measure how far an image is from a reference", "photonfarm compare A.exr REF.exr",
             run_compare_command},
+    Command{"farm", "run a farm: coordinator, workers and their engine", "photonfarm farm --workers 4",
+            run_farm_command},
+    Command{"submit", "send a job to a farm", "photonfarm submit JOB.toml --wait --out out", run_submit_command},
+    Command{"list", "list the farm's jobs", "photonfarm list --state running", run_list_command},
+    Command{"show", "show everything about a job", "photonfarm show JOB", run_show_command},
+    Command{"watch", "show a job's progress until it has ended", "photonfarm watch JOB", run_watch_command},
+    Command{"logs", "print what was logged about a job", "photonfarm logs JOB --follow", run_logs_command},
+    Command{"cancel", "end a job; the image so far stays", "photonfarm cancel JOB", run_cancel_command},
+    Command{"download", "fetch a job's images and figures", "photonfarm download JOB --out out", run_download_command},
+    Command{"workers", "list the farm's workers", "photonfarm workers", run_workers_command},
     Command{"doctor", "check that this machine can render", "photonfarm doctor", run_doctor_command},
 };
 
@@ -35,7 +45,7 @@ std::string help_text() {
       "id\n\nExamples:\n";
   for (const Command& command : kCommands) text += fmt::format("  {}\n", command.example);
   text +=
-      "\nExit codes: 0 done; 2 usage or job file; 3 scene or image; 4 engine not reachable; 5 failed; 130 "
+      "\nExit codes: 0 done; 2 usage or job file; 3 scene or image; 4 farm not reachable; 5 failed or cancelled; 130 "
       "interrupted\n";
   return text;
 }

@@ -23,6 +23,10 @@ struct Context {
   std::filesystem::path temporary;  ///< TMPDIR or /tmp
   std::ostream& out;
   std::ostream& err;
+  std::string server = {};   ///< PHOTONFARM_SERVER
+  std::string token = {};    ///< PHOTONFARM_TOKEN
+  bool terminal = false;     ///< standard error is one
+  int columns = 80;          ///< of that
 };
 
 using Arguments = std::vector<std::string>;
@@ -45,10 +49,18 @@ struct Command {
 [[nodiscard]] std::optional<int> parse_arguments(CLI::App& app, const Context& context,
                                                  const Arguments& arguments);
 
-// One file each.
 [[nodiscard]] int run_render_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_plan_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_compare_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_farm_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_doctor_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_submit_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_list_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_show_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_watch_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_logs_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_cancel_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_download_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_workers_command(const Context& context, const Arguments& arguments);
 
 }  // namespace pf

@@ -5,6 +5,9 @@
 #include <filesystem>
 #include <iostream>
 
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include "common/base/result.h"
 #include "jobs/command.h"
 
@@ -23,6 +26,11 @@ std::filesystem::path state_folder() {
   return home.empty() ? home : home / ".local" / "state" / "photonfarm";
 }
 
+int terminal_columns() {
+  winsize size{};
+  return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -32,7 +40,11 @@ int main(int argc, char** argv) {
                               state_folder(),
                               std::filesystem::temp_directory_path(),
                               std::cout,
-                              std::cerr};
+                              std::cerr,
+                              environment("PHOTONFARM_SERVER"),
+                              environment("PHOTONFARM_TOKEN"),
+                              ::isatty(STDERR_FILENO) != 0,
+                              terminal_columns()};
     const int code = pf::run_photonfarm(context, pf::Arguments(argv + 1, argv + argc));
     std::cout.flush();
     if (!std::cout) {

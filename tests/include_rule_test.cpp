@@ -1,5 +1,5 @@
 // Dependencies point one way:
-//   base <- math <- {spec, film, wire} <- {worker, coordinator} <- jobs
+//   base <- math <- {spec, film} <- wire <- {worker, coordinator} <- jobs
 // read from the #include lines of every source. jobs runs the worker as a process and includes nothing of it.
 
 #include <algorithm>
@@ -31,7 +31,7 @@ const std::map<std::string, Names>& rules() {
       {"common/math", {"common/base"}},
       {"common/spec", {"common/base", "common/math"}},
       {"common/film", {"common/base", "common/math"}},
-      {"common/wire", {"common/base", "common/math"}},
+      {"common/wire", {"common/base", "common/math", "common/spec", "common/film"}},
       {"worker/bsdf", {"common/base", "common/math"}},
       {"worker/scene", with(kCommon, {"worker/bsdf"})},
       {"worker/plan", with(kCommon, {"worker/bsdf", "worker/scene"})},
@@ -39,8 +39,9 @@ const std::map<std::string, Names>& rules() {
       {"worker/integrators", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon"})},
       {"worker/opencl",
        with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon", "worker/integrators"})},
+      {"worker/farm", kCommon},
       {"worker", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon",
-                                "worker/integrators", "worker/opencl"})},
+                                "worker/integrators", "worker/opencl", "worker/farm"})},
       {"coordinator", kCommon},
       {"jobs", kCommon},
   };
@@ -48,7 +49,7 @@ const std::map<std::string, Names>& rules() {
 }
 
 /// Headers that the build makes.
-const Names kGenerated = {"build_id.h"};
+const Names kGenerated = {"build_id.h", "messages.pb.h"};
 
 /// The folder of the rules that a path belongs to: the longest that fits; empty for none.
 std::string folder_of(const std::string& path) {

@@ -1,9 +1,7 @@
 #include "worker/progress.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <ostream>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -11,38 +9,11 @@
 namespace pf {
 namespace {
 
-constexpr double kBarSeconds = 0.1;
-constexpr double kLineSeconds = 5.0;
-constexpr int kBarCells = 20;
-constexpr double kLongestTime = 99.0 * 86400.0;  // beyond, a time left says nothing
-
-std::string bar(double fraction) {
-  const int full = static_cast<int>(std::lround(fraction * kBarCells));
-  return fmt::format("[{:#<{}}{:.<{}}] ", "", full, "", kBarCells - full);
-}
-
 std::string rate(double count, double elapsed, std::string_view unit) {
   return fmt::format("{}{}/s", short_number(count / std::max(elapsed, 1e-3)), unit);
 }
 
 }  // namespace
-
-std::string clock_time(double seconds) {
-  const auto whole = static_cast<std::int64_t>(std::llround(std::clamp(seconds, 0.0, kLongestTime)));
-  const std::int64_t hours = whole / 3600;
-  if (hours > 0) return fmt::format("{}:{:02}:{:02}", hours, whole / 60 % 60, whole % 60);
-  return fmt::format("{}:{:02}", whole / 60, whole % 60);
-}
-
-std::string short_number(double value) {
-  constexpr std::array<std::string_view, 5> kUnits = {"", "k", "M", "G", "T"};
-  std::size_t unit = 0;
-  while (value >= 999.5 && unit + 1 < kUnits.size()) {
-    value /= 1000.0;
-    ++unit;
-  }
-  return fmt::format("{:.{}f} {}", value, unit > 0 && value < 99.95 ? 1 : 0, kUnits[unit]);
-}
 
 double fraction_done(const Progress& p, double elapsed) {
   double fraction = 0.0;
@@ -58,16 +29,11 @@ double fraction_done(const Progress& p, double elapsed) {
 }
 
 ProgressReporter::ProgressReporter(const Clock& clock, std::ostream& out, Style style, int columns)
-    : clock_(clock),
-      out_(out),
-      style_(style),
-      columns_(static_cast<std::size_t>(std::max(20, columns))),
-      start_(clock.now()),
-      last_shown_(start_ - kLineSeconds) {}
+    : clock_(clock), shown_(clock, out, style, columns), start_(clock.now()) {}
 
 std::string ProgressReporter::line(const Progress& p, double elapsed) const {
   const double fraction = fraction_done(p, elapsed);
-  std::string text = style_ == Style::kBar ? bar(fraction) : std::string();
+  std::string text = shown_.style() == Style::kBar ? progress_bar(fraction) : std::string();
   text += fmt::format("{:3.0f} %", std::floor(100.0 * fraction));
   if (p.passes_total > 0) {
     text += fmt::format("  {}/{} passes", p.passes_done, p.passes_total);
@@ -89,33 +55,15 @@ std::string ProgressReporter::line(const Progress& p, double elapsed) const {
   return text;
 }
 
-void ProgressReporter::draw(const std::string& text) {
-  if (style_ == Style::kLines) {
-    out_ << text << '\n' << std::flush;
-    return;
-  }
-  // The last column stays free: a character there makes some terminals wrap. Blanks cover what is left of a
-  // longer line.
-  const std::string shown = text.substr(0, columns_ - 1);
-  out_ << '\r' << shown << std::string(drawn_ > shown.size() ? drawn_ - shown.size() : 0, ' ') << std::flush;
-  drawn_ = shown.size();
-}
-
 void ProgressReporter::update(const Progress& progress) {
   if (passes_at_start_ < 0) passes_at_start_ = progress.passes_done;
-  if (style_ == Style::kSilent) return;
-  const double now = clock_.now();
-  if (now - last_shown_ < (style_ == Style::kBar ? kBarSeconds : kLineSeconds)) return;
-  last_shown_ = now;
-  draw(line(progress, now - start_));
+  if (shown_.due()) shown_.show(line(progress, clock_.now() - start_));
 }
 
 void ProgressReporter::finish(const Progress& progress) {
-  if (style_ == Style::kSilent) return;
   if (passes_at_start_ < 0) passes_at_start_ = progress.passes_done;
   const double elapsed = clock_.now() - start_;
-  draw(fmt::format("{}  in {}", line(progress, elapsed), clock_time(elapsed)));
-  if (style_ == Style::kBar) out_ << '\n' << std::flush;
+  shown_.finish(fmt::format("{}  in {}", line(progress, elapsed), clock_time(elapsed)));
 }
 
 }  // namespace pf

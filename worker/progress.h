@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/clock.h"
+#include "common/base/status_line.h"
 
 namespace pf {
 
@@ -24,11 +25,7 @@ struct Progress {
 /// elsewhere. The caller passes standard error, never standard output. Called from one thread.
 class ProgressReporter {
  public:
-  enum class Style {
-    kBar,    ///< terminal: redrawn at most ten times a second
-    kLines,  ///< file or pipe: at most a line each five seconds
-    kSilent
-  };
+  using Style = StatusLine::Style;
   /// `columns`: width of the terminal; a bar never wraps. Time starts here.
   ProgressReporter(const Clock& clock, std::ostream& out, Style style, int columns = 80);
 
@@ -39,25 +36,16 @@ class ProgressReporter {
 
  private:
   [[nodiscard]] std::string line(const Progress& progress, double elapsed) const;
-  void draw(const std::string& text);
 
   const Clock& clock_;
-  std::ostream& out_;
-  Style style_;
-  std::size_t columns_;
+  StatusLine shown_;
   double start_;
-  double last_shown_;
   std::int64_t passes_at_start_ = -1;
-  std::size_t drawn_ = 0;  ///< characters of the bar on the screen
 };
 
 /// Share of the job that is done, in [0,1]: the largest among passes, time and error, since whichever comes
 /// first stops it. `elapsed`: seconds. An error falls with the square root of the work at best, and is taken
 /// to.
 [[nodiscard]] double fraction_done(const Progress& progress, double elapsed);
-/// `0:07`, `12:34`, `1:02:03`.
-[[nodiscard]] std::string clock_time(double seconds);
-/// `950`, `3.1 k`, `12.0 M`, `1.5 G`: three digits are enough to watch.
-[[nodiscard]] std::string short_number(double value);
 
 }  // namespace pf

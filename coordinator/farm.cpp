@@ -1,0 +1,269 @@
+#include "coordinator/farm.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "common/wire/bundle.h"
+#include "common/wire/limits.h"
+
+namespace pf {
+namespace {
+
+constexpr double kPublishRetrySeconds = 0.5;
+
+/// Ten points of priority double a job's share of the workers.
+double weight_of(int priority) { return std::exp2((priority - 50) / 10.0); }
+
+wire::ToWorker envelope() {
+  wire::ToWorker message;
+  message.set_version(kWireVersion);
+  return message;
+}
+
+BlobId id_of(const wire::Blob& blob) { return {sha256_hex_of_bytes(blob.sha256()), blob.bytes()}; }
+
+}  // namespace
+
+Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const Clock& clock,
+           std::function<std::int64_t()> unix_ms, const Log& log)
+    : options_(std::move(options)),
+      port_(port),
+      blobs_(blobs),
+      clock_(clock),
+      unix_ms_(std::move(unix_ms)),
+      log_(log),
+      registry_(options_.worker_silence_seconds) {}
+
+JobSurroundings Farm::surroundings() {
+  return {blobs_, clock_, unix_ms_, options_.build_id, options_.ack_wait_seconds,
+          [this](const std::string& job, std::string_view level, std::string_view source, std::string_view text) {
+            ++version_;
+            const auto it = jobs_.find(job);
+            if (it != jobs_.end()) it->second.log.add(unix_ms_(), level, source, text);
+            log_.info("job", {{"id", job}, {"level", std::string(level)}, {"source", std::string(source)}, {"text", std::string(text)}});
+          }};
+}
+
+Result<void> Farm::restore() {
+  const auto folder = options_.state / "jobs";
+  std::error_code code;
+  std::filesystem::create_directories(folder, code);
+  if (code) return fail(ErrorKind::kUsage, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
+  for (const auto& entry : std::filesystem::directory_iterator(folder, code)) {
+    const std::string id = entry.path().filename().string();
+    if (!entry.is_directory() || !is_wire_name(id)) continue;
+    Entry& restored = jobs_[id];
+    restored.log = JobLog(entry.path());
+    auto job = FarmJob::restore(entry.path(), surroundings());
+    if (!job || (*job)->id() != id) {
+      log_.error("job cannot be restored", {{"id", id}, {"why", job ? "its record is of another job" : job.error().message}});
+      jobs_.erase(id);
+      continue;
+    }
+    restored.job = std::move(*job);
+    restored.end_announced = restored.job->ended();
+  }
+  return {};
+}
+
+FarmJob* Farm::find(const std::string& id) const {
+  const auto it = jobs_.find(id);
+  return it == jobs_.end() ? nullptr : it->second.job.get();
+}
+
+void Farm::send(const std::string& worker, const wire::ToWorker& message) { port_.send(worker, to_bytes(message)); }
+
+void Farm::on_connected() {
+  connected_ = true;
+  pump();
+}
+
+void Farm::on_message(const std::string& sender, std::string_view bytes) {
+  if (registry_.is_quarantined(sender)) {
+    wire::ToWorker message = envelope();
+    message.mutable_welcome()->set_accepted(false);
+    message.mutable_welcome()->set_reason(registry_.all().at(sender).quarantined);
+    return send(sender, message);
+  }
+  auto message = parse_from_worker(bytes);
+  if (message && message->worker() != sender) message = fail(ErrorKind::kInvalidInput, "it calls itself " + message->worker());
+  if (!message) {
+    log_.warning("malformed message", {{"worker", sender}, {"why", message.error().message}});
+    if (registry_.fault(sender, "malformed messages: " + message.error().message)) accuse(sender, message.error().message);
+    return;
+  }
+  const std::uint64_t incarnation = message->incarnation();
+  switch (message->body_case()) {
+    case wire::FromWorker::kHeartbeat:
+      on_heartbeat(sender, incarnation, message->heartbeat());
+      break;
+    case wire::FromWorker::kBlobRequest:
+      on_blob_request(sender, message->blob_request());
+      break;
+    case wire::FromWorker::kResult:
+      if (FarmJob* job = find(message->result().job_id())) {
+        give(sender, job->on_manifest(sender, incarnation, message->result()));
+      } else {
+        wire::ToWorker unknown = envelope();
+        unknown.mutable_job_ended()->set_job_id(message->result().job_id());
+        send(sender, unknown);
+      }
+      break;
+    case wire::FromWorker::kChunk:
+      if (FarmJob* job = find(message->chunk().job_id())) give(sender, job->on_chunk(sender, incarnation, message->chunk()));
+      break;
+    case wire::FromWorker::kFailed:
+      if (FarmJob* job = find(message->failed().job_id())) job->on_failed(sender, message->failed());
+      break;
+    case wire::FromWorker::kLog:
+      if (find(message->log().job_id()) != nullptr) {
+        jobs_.at(message->log().job_id()).log.add(unix_ms_(), "info", sender, message->log().text());
+      }
+      break;
+    default:
+      break;
+  }
+  ++version_;
+  note_ended();
+  pump();
+}
+
+void Farm::on_heartbeat(const std::string& worker, std::uint64_t incarnation, const wire::Heartbeat& heartbeat) {
+  wire::ToWorker message = envelope();
+  wire::Welcome& welcome = *message.mutable_welcome();
+  welcome.set_ack_wait_seconds(options_.ack_wait_seconds);
+  welcome.set_accepted(heartbeat.build_id() == options_.build_id);
+  if (!welcome.accepted()) {
+    welcome.set_reason(fmt::format("its build is {}, the coordinator's is {}: an image's bits depend on the build",
+                                   heartbeat.build_id(), options_.build_id));
+    log_.warning("worker of another build refused", {{"worker", worker}, {"build", heartbeat.build_id()}});
+    return send(worker, message);
+  }
+  const auto known = registry_.all().find(worker);
+  if (known == registry_.all().end() || known->second.incarnation != incarnation) {
+    log_.info("worker joined", {{"worker", worker}, {"host", heartbeat.host()}});
+    for (auto& [id, entry] : jobs_) entry.job->forget_worker(worker);
+  }
+  registry_.heard(worker, incarnation, heartbeat, clock_.now());
+  for (auto& [id, entry] : jobs_) {
+    if (entry.job->ended()) continue;
+    std::vector<UnitRange> held;
+    bool preparing = false;
+    if (heartbeat.job_id() == id) {
+      for (const wire::Unit& unit : heartbeat.held()) {
+        if (unit.sub_passes() == 0) preparing = true;
+        held.push_back({unit.first_sub_pass(), unit.sub_passes()});
+      }
+    }
+    entry.job->on_held(worker, held, preparing);
+  }
+  send(worker, message);
+}
+
+void Farm::on_blob_request(const std::string& worker, const wire::BlobRequest& request) {
+  wire::ToWorker message = envelope();
+  wire::BlobPart& part = *message.mutable_blob_part();
+  *part.mutable_blob() = request.blob();
+  part.set_offset(request.offset());
+  if (const BlobId id = id_of(request.blob()); blobs_.has(id)) {
+    if (auto bytes = blobs_.read(id, request.offset(), kMaxChunkBytes)) {
+      part.set_data(std::move(*bytes));
+    } else {
+      log_.error("blob cannot be read", {{"sha256", id.sha256}, {"why", bytes.error().message}});
+      return;  // the worker asks again
+    }
+  }
+  send(worker, message);
+}
+
+void Farm::give(const std::string& worker, Answer answer) {
+  if (answer.reply) {
+    wire::ToWorker message = envelope();
+    *message.mutable_result_reply() = std::move(*answer.reply);
+    send(worker, message);
+  }
+  if (!answer.accusation.empty()) accuse(worker, answer.accusation);
+}
+
+void Farm::accuse(const std::string& worker, const std::string& what) {
+  registry_.quarantine(worker, what);
+  log_.error("worker quarantined", {{"worker", worker}, {"why", what}});
+  for (auto& [id, entry] : jobs_) {
+    if (entry.job->ended()) continue;
+    entry.job->forget_worker(worker);
+    entry.log.add(unix_ms_(), "error", "coordinator", fmt::format("{} is in quarantine: {}", worker, what));
+  }
+}
+
+void Farm::note_ended() {
+  for (auto& [id, entry] : jobs_) {
+    if (!entry.job->ended() || entry.end_announced) continue;
+    entry.end_announced = true;
+    wire::ToWorker message = envelope();
+    message.mutable_job_ended()->set_job_id(id);
+    send("", message);
+  }
+}
+
+void Farm::pump() {
+  if (!connected_ || clock_.now() < next_publish_) return;
+  if (!purged_) {
+    if (auto purged = port_.purge_tasks(); !purged) {
+      next_publish_ = clock_.now() + kPublishRetrySeconds;
+      return;
+    }
+    purged_ = true;
+  }
+  const std::size_t workers = registry_.live(clock_.now());
+  const std::size_t window = options_.tasks_per_worker * std::max<std::size_t>(workers, 1);
+  std::vector<FarmJob*> without_work;
+  while (true) {
+    std::size_t queued = 0;
+    for (const auto& [id, entry] : jobs_) queued += entry.job->queued();
+    // Fair among those that have work now: a job that waits at its barrier does not save up turns.
+    FarmJob* best = nullptr;
+    Entry* chosen = nullptr;
+    for (auto& [id, entry] : jobs_) {
+      FarmJob* job = entry.job.get();
+      if (job->ended() || std::find(without_work.begin(), without_work.end(), job) != without_work.end()) continue;
+      if (queued >= window && !job->must_repeat()) continue;
+      if (best == nullptr || entry.share < chosen->share) best = job, chosen = &entry;
+    }
+    if (best == nullptr) return;
+    const auto task = best->next_task(workers);
+    if (!task) {
+      without_work.push_back(best);
+      continue;
+    }
+    chosen->share += best->cost(*task) / weight_of(best->record().spec.job.priority);
+    if (!publish(*best, *task)) return;
+  }
+}
+
+bool Farm::publish(FarmJob& job, const wire::Task& task) {
+  const std::string id = fmt::format("{}.{}.{}.{}.{:x}", task.job_id(), static_cast<int>(task.kind()),
+                                     task.unit().first_sub_pass(), task.unit().attempt(), options_.incarnation);
+  if (port_.publish_task(id, to_bytes(task))) return true;
+  job.not_published(task);
+  next_publish_ = clock_.now() + kPublishRetrySeconds;
+  return false;
+}
+
+void Farm::tick() {
+  const double now = clock_.now();
+  for (auto& [id, entry] : jobs_) {
+    const JobState before = entry.job->record().state;
+    entry.job->tick([&](double since) { return registry_.any_idle_since(since, now); });
+    if (entry.job->record().state != before) ++version_;
+  }
+  note_ended();
+  pump();
+}
+
+void Farm::shut_down() {
+  for (auto& [id, entry] : jobs_) entry.job->shut_down();
+}
+
+}  // namespace pf

@@ -1,0 +1,154 @@
+#include "coordinator/farm_process.h"
+
+#include <chrono>
+
+#include "build_id.h"
+
+namespace pf {
+namespace {
+
+constexpr std::size_t kMaxEvents = 4096;
+/// Messages that wait for the farm's thread; beyond, the engine's buffers fill and workers repeat what got lost.
+constexpr std::size_t kMaxEventBytes = std::size_t{32} << 20;
+constexpr std::chrono::milliseconds kTick{100};
+
+std::int64_t unix_ms() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+Error closing() { return {ErrorKind::kUnavailable, "the coordinator is shutting down"}; }
+
+}  // namespace
+
+FarmProcess::FarmProcess(const Log& log) : log_(log), events_(kMaxEvents, kMaxEventBytes) {}
+
+FarmProcess::~FarmProcess() { close(); }
+
+Result<std::unique_ptr<FarmProcess>> FarmProcess::open(const Options& options, const Log& log) {
+  std::unique_ptr<FarmProcess> process(new FarmProcess(log));
+  auto blobs = BlobStore::open(options.state / "blobs", 0);
+  if (!blobs) return tl::unexpected(blobs.error());
+  process->blobs_ = std::make_unique<BlobStore>(std::move(*blobs));
+  auto port = NatsCoordinatorPort::connect(options.engine, [events = &process->events_](EngineEvent event) {
+    const std::size_t bytes = bytes_of(event);
+    events->push(Event(std::move(event)), bytes);
+  });
+  if (!port) return tl::unexpected(port.error());
+  process->port_ = std::move(*port);
+  FarmOptions farm;
+  farm.state = options.state;
+  farm.build_id = kBuildId;
+  farm.ack_wait_seconds = options.engine.ack_wait_seconds;
+  farm.incarnation = options.incarnation;
+  process->farm_ =
+      std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_, unix_ms, log);
+  if (auto restored = process->farm_->restore(); !restored) {
+    process->close();
+    return tl::unexpected(restored.error());
+  }
+  return process;
+}
+
+void FarmProcess::close() {
+  events_.close();
+  const std::lock_guard lock(mutex_);
+  closed_ = true;
+  changed_.notify_all();
+}
+
+Result<void> FarmProcess::handle(EngineEvent& event) {
+  if (const auto* message = std::get_if<MessageArrived>(&event)) {
+    farm_->on_message(message->worker, message->bytes);
+  } else if (const auto* change = std::get_if<ConnectionChanged>(&event)) {
+    log_.info("engine", {{"up", change->up ? "yes" : "no"}, {"text", change->text}});
+    if (change->lost) return fail(ErrorKind::kUnavailable, change->text);
+    if (change->up) farm_->on_connected();
+  } else if (const auto* problem = std::get_if<EngineProblem>(&event)) {
+    log_.warning("engine", {{"problem", problem->text}});
+  }
+  return {};
+}
+
+void FarmProcess::publish_version() {
+  const std::lock_guard lock(mutex_);
+  if (farm_->version() == version_) return;
+  version_ = farm_->version();
+  changed_.notify_all();
+}
+
+Result<void> FarmProcess::run(const std::atomic<bool>& interrupted) {
+  farm_->on_connected();
+  auto next_tick = std::chrono::steady_clock::now();
+  while (!interrupted.load()) {
+    if (auto event = events_.pop(next_tick)) {
+      if (auto* question = std::get_if<Question>(&*event)) {
+        (*question)(*farm_);
+      } else if (auto handled = handle(std::get<EngineEvent>(*event)); !handled) {
+        farm_->shut_down();
+        return handled;
+      }
+    }
+    if (std::chrono::steady_clock::now() >= next_tick) {
+      farm_->tick();
+      next_tick = std::chrono::steady_clock::now() + kTick;
+    }
+    publish_version();
+  }
+  farm_->shut_down();
+  return {};
+}
+
+template <typename T>
+T FarmProcess::ask(std::function<T(Farm&)> question, T when_closed) {
+  // Held by the queue and by us: whoever lets go last, a question that is never asked breaks its promise.
+  auto promise = std::make_shared<std::promise<T>>();
+  std::future<T> answer = promise->get_future();
+  const bool asked = events_.push(Event(Question([promise, question = std::move(question)](Farm& farm) {
+    promise->set_value(question(farm));
+  })));
+  promise.reset();
+  if (!asked) return when_closed;
+  while (answer.wait_for(kTick) != std::future_status::ready) {
+    if (events_.closed()) return when_closed;
+  }
+  try {
+    return answer.get();
+  } catch (const std::future_error&) {
+    return when_closed;
+  }
+}
+
+Result<JobView> FarmProcess::submit(const Submission& submission) {
+  return ask<Result<JobView>>([submission](Farm& farm) { return farm.submit(submission); }, tl::unexpected(closing()));
+}
+std::vector<JobView> FarmProcess::list() {
+  return ask<std::vector<JobView>>([](Farm& farm) { return farm.list(); }, {});
+}
+Result<JobView> FarmProcess::show(const std::string& id) {
+  return ask<Result<JobView>>([id](Farm& farm) { return farm.show(id); }, tl::unexpected(closing()));
+}
+Result<JobView> FarmProcess::cancel(const std::string& id) {
+  return ask<Result<JobView>>([id](Farm& farm) { return farm.cancel(id); }, tl::unexpected(closing()));
+}
+Result<std::filesystem::path> FarmProcess::artifact(const std::string& id, Artifact kind) {
+  return ask<Result<std::filesystem::path>>([id, kind](Farm& farm) { return farm.artifact(id, kind); },
+                                            tl::unexpected(closing()));
+}
+Result<std::string> FarmProcess::preview_png(const std::string& id) {
+  return ask<Result<std::string>>([id](Farm& farm) { return farm.preview_png(id); }, tl::unexpected(closing()));
+}
+Result<std::vector<LogEntry>> FarmProcess::logs(const std::string& id, std::uint64_t after) {
+  return ask<Result<std::vector<LogEntry>>>([id, after](Farm& farm) { return farm.logs(id, after); },
+                                            tl::unexpected(closing()));
+}
+std::vector<WorkerView> FarmProcess::workers() {
+  return ask<std::vector<WorkerView>>([](Farm& farm) { return farm.workers(); }, {});
+}
+
+std::uint64_t FarmProcess::wait_for_change(std::uint64_t version, double seconds) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return closed_ || version_ != version; });
+  return version_;
+}
+
+}  // namespace pf

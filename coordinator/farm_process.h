@@ -1,0 +1,72 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/base/event_queue.h"
+#include "common/base/log.h"
+#include "common/wire/nats/engine.h"
+#include "coordinator/farm.h"
+#include "coordinator/job_service.h"
+
+namespace pf {
+
+/// The farm on a thread of its own: events of the engine and questions of users stand in one queue, and the thread answers one
+/// after the other. The questions' side may be called from any thread.
+class FarmProcess final : public JobService {
+ public:
+  struct Options {
+    EngineOptions engine;
+    std::filesystem::path state;
+    std::uint64_t incarnation = 1;
+  };
+  /// Connects and takes up the state folder's jobs. Errors: kUnavailable (engine), kUsage (folder).
+  [[nodiscard]] static Result<std::unique_ptr<FarmProcess>> open(const Options& options, const Log& log);
+  ~FarmProcess() override;
+
+  /// Serves until `interrupted`; then saves checkpoints. Error: the engine refused this process for good.
+  [[nodiscard]] Result<void> run(const std::atomic<bool>& interrupted);
+  /// No question is answered any more; those that wait get kUnavailable.
+  void close();
+
+  [[nodiscard]] Result<JobView> submit(const Submission& submission) override;
+  [[nodiscard]] std::vector<JobView> list() override;
+  [[nodiscard]] Result<JobView> show(const std::string& id) override;
+  [[nodiscard]] Result<JobView> cancel(const std::string& id) override;
+  [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override;
+  [[nodiscard]] Result<std::string> preview_png(const std::string& id) override;
+  [[nodiscard]] Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) override;
+  [[nodiscard]] std::vector<WorkerView> workers() override;
+  [[nodiscard]] std::uint64_t wait_for_change(std::uint64_t version, double seconds) override;
+
+ private:
+  using Question = std::function<void(Farm&)>;
+  using Event = std::variant<EngineEvent, Question>;
+
+  explicit FarmProcess(const Log& log);
+  [[nodiscard]] Result<void> handle(EngineEvent& event);
+  void publish_version();
+  /// Asks on the farm's thread and waits.
+  template <typename T>
+  [[nodiscard]] T ask(std::function<T(Farm&)> question, T when_closed);
+
+  const Log& log_;
+  SystemClock clock_;
+  EventQueue<Event> events_;
+  std::unique_ptr<NatsCoordinatorPort> port_;
+  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<Farm> farm_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::uint64_t version_ = 1;
+  bool closed_ = false;
+};
+
+}  // namespace pf

@@ -1,0 +1,322 @@
+#include "coordinator/http_routes.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <system_error>
+#include <utility>
+
+#include "build_id.h"
+#include "common/base/nearest_name.h"
+#include "coordinator/http_json.h"
+#include "coordinator/http_state.h"
+#include "coordinator/http_streams.h"
+
+namespace pf {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::array kStates = {JobState::kQueued,  JobState::kPreparing, JobState::kRunning,
+                                JobState::kWaiting, JobState::kFinishing, JobState::kDone,
+                                JobState::kFailed,  JobState::kCancelled};
+
+std::vector<std::string_view> parts_of(std::string_view path) {
+  std::vector<std::string_view> parts;
+  while (!path.empty()) {
+    path.remove_prefix(1);  // the slash
+    const std::size_t slash = std::min(path.find('/'), path.size());
+    parts.push_back(path.substr(0, slash));
+    path.remove_prefix(slash);
+  }
+  return parts;
+}
+
+/// Ids of jobs: nothing that means something in a path gets through.
+bool is_id(std::string_view text) {
+  return !text.empty() && text.size() <= 64 &&
+         text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
+}
+
+std::optional<std::uint64_t> whole_number(std::string_view text) {
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+HttpReply json_reply(const json& value, int status = 200) {
+  HttpReply reply;
+  reply.status = status;
+  reply.body = json_line(value);
+  return reply;
+}
+
+}  // namespace
+
+std::string HttpRequest::header(const std::string& lower_case_name) const {
+  const auto found = headers.find(lower_case_name);
+  return found == headers.end() ? std::string() : found->second;
+}
+
+std::string HttpRequest::param(const std::string& name) const {
+  const auto found = params.find(name);
+  return found == params.end() ? std::string() : found->second;
+}
+
+HttpReply problem(int status, std::string_view type, std::string_view detail) {
+  HttpReply reply;
+  reply.status = status;
+  reply.content_type = "application/problem+json";
+  reply.body = problem_json(status, type, detail);
+  return reply;
+}
+
+/// Counts a stream while it lives, in whatever copies the library makes of it.
+class HttpRoutes::StreamTicket {
+ public:
+  explicit StreamTicket(std::atomic<int>& count) : count_(count) { ++count_; }
+  ~StreamTicket() { --count_; }
+  StreamTicket(const StreamTicket&) = delete;
+  StreamTicket& operator=(const StreamTicket&) = delete;
+
+ private:
+  std::atomic<int>& count_;
+};
+
+Result<std::unique_ptr<HttpRoutes>> HttpRoutes::make(Options options, JobService& service, const Log& log,
+                                                     std::stop_token stop) {
+  auto store = BlobStore::open(options.blobs, 0);
+  if (!store) return tl::unexpected(store.error());
+  return std::unique_ptr<HttpRoutes>(
+      new HttpRoutes(std::move(options), service, log, std::move(stop), std::move(*store)));
+}
+
+HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop,
+                       BlobStore store)
+    : options_(std::move(options)),
+      service_(service),
+      log_(log),
+      stop_(std::move(stop)),
+      store_(std::move(store)) {}
+
+std::span<const HttpRoutes::Route> HttpRoutes::routes() {
+  static constexpr std::array kRoutes = {
+      Route{"GET", "/v1/health", &HttpRoutes::health},
+      Route{"POST", "/v1/jobs", &HttpRoutes::submit},
+      Route{"GET", "/v1/jobs", &HttpRoutes::list_jobs},
+      Route{"GET", "/v1/jobs/{}", &HttpRoutes::show_job},
+      Route{"POST", "/v1/jobs/{}/cancel", &HttpRoutes::cancel_job},
+      Route{"GET", "/v1/jobs/{}/events", &HttpRoutes::events},
+      Route{"GET", "/v1/jobs/{}/logs", &HttpRoutes::logs},
+      Route{"GET", "/v1/jobs/{}/image.exr", &HttpRoutes::exr},
+      Route{"GET", "/v1/jobs/{}/image.png", &HttpRoutes::png},
+      Route{"GET", "/v1/jobs/{}/figures.json", &HttpRoutes::figures},
+      Route{"GET", "/v1/jobs/{}/checkpoint", &HttpRoutes::checkpoint},
+      Route{"GET", "/v1/jobs/{}/preview.png", &HttpRoutes::preview},
+      Route{"GET", "/v1/workers", &HttpRoutes::list_workers},
+      Route{"HEAD", "/v1/blobs/{}", &HttpRoutes::head_blob},
+      Route{"PUT", "/v1/blobs/{}", &HttpRoutes::put_blob},
+  };
+  return kRoutes;
+}
+
+HttpReply HttpRoutes::answer(const HttpRequest& request) {
+  HttpReply reply = route(request);
+  const std::string status = std::to_string(reply.status);
+  if (reply.status >= 500) {
+    log_.warning("http", {{"method", request.method}, {"path", request.path}, {"status", status}});
+  } else {
+    log_.debug("http", {{"method", request.method}, {"path", request.path}, {"status", status}});
+  }
+  return reply;
+}
+
+bool HttpRoutes::authorised(const HttpRequest& request) const {
+  constexpr std::string_view kScheme = "Bearer ";
+  const std::string given = request.header("authorization");
+  return given.starts_with(kScheme) &&
+         same_token(std::string_view(given).substr(kScheme.size()), options_.token);
+}
+
+HttpReply HttpRoutes::route(const HttpRequest& request) {
+  const bool health_check = request.path == "/v1/health";
+  if (!health_check && !authorised(request)) {
+    HttpReply reply =
+        problem(401, "unauthorized",
+                "no or wrong bearer token; expected the one in the file 'token' of the farm's state folder");
+    reply.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"photonfarm\"");
+    return reply;
+  }
+  if (!request.path.starts_with('/'))
+    return problem(404, "not-found", "no such address; expected one below /v1/");
+  const std::vector<std::string_view> parts = parts_of(request.path);
+  std::vector<std::string_view> allowed;
+  for (const Route& route : routes()) {
+    const std::vector<std::string_view> pattern = parts_of(route.pattern);
+    if (pattern.size() != parts.size()) continue;
+    Captures captures;
+    bool fits = true;
+    for (std::size_t i = 0; i < parts.size() && fits; ++i) {
+      if (pattern[i] == "{}") {
+        captures.emplace_back(parts[i]);
+        fits = is_id(parts[i]);
+      } else {
+        fits = pattern[i] == parts[i];
+      }
+    }
+    if (!fits) continue;
+    // A HEAD is a GET whose body the library leaves out.
+    if (route.method == request.method || (route.method == "GET" && request.method == "HEAD")) {
+      return (this->*route.handler)(request, captures);
+    }
+    allowed.push_back(route.method);
+  }
+  if (allowed.empty()) return problem(404, "not-found", "no such address; the API is below /v1/");
+  const std::string methods = fmt::format("{}", fmt::join(allowed, ", "));
+  HttpReply reply = problem(405, "method-not-allowed", "expected " + methods);
+  reply.headers.emplace_back("Allow", methods);
+  return reply;
+}
+
+HttpReply HttpRoutes::failure(const Error& error, bool artifact) const {
+  int status = 500;
+  switch (error.kind) {
+    case ErrorKind::kUsage:
+      status = 404;
+      break;
+    case ErrorKind::kInvalidSpec:
+    case ErrorKind::kInvalidInput:
+      status = 422;
+      break;
+    case ErrorKind::kUnavailable:
+      status = artifact ? 409 : 503;
+      break;
+    case ErrorKind::kTimeout:
+    case ErrorKind::kInterrupted:
+      status = 503;
+      break;
+    case ErrorKind::kInternal:
+      status = 500;
+      break;
+  }
+  return problem(status, status == 409 ? "not-yet" : problem_type(error.kind), error.message);
+}
+
+HttpReply HttpRoutes::reply_job(const Result<JobView>& job, int status) const {
+  return job ? json_reply(to_json(*job), status) : failure(job.error());
+}
+
+HttpReply HttpRoutes::health(const HttpRequest&, const Captures&) {
+  return json_reply({{"status", "ok"}, {"version", kVersion}, {"build_id", kBuildId}});
+}
+
+HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
+  const std::string type = request.header("content-type");
+  if (type != "application/json" && !type.starts_with("application/json;")) {
+    return problem(415, "unsupported-media-type", "expected Content-Type: application/json");
+  }
+  const std::string key = request.header("idempotency-key");
+  const auto printable = [](char c) { return c > ' ' && c <= '~'; };
+  if (key.size() > 128 || !std::ranges::all_of(key, printable)) {
+    return problem(400, "bad-request",
+                   "Idempotency-Key: expected at most 128 printable characters without blanks");
+  }
+  const auto length = whole_number(request.header("content-length"));
+  if (!length) return problem(411, "length-required", "expected a Content-Length");
+  if (*length > options_.max_body_bytes) {
+    return problem(
+        413, "too-large",
+        fmt::format("the body has {} bytes; expected at most {}", *length, options_.max_body_bytes));
+  }
+  std::string body;
+  const bool whole = request.read_body([&](std::string_view piece) {
+    body += piece;
+    return body.size() <= *length;
+  });
+  if (!whole || body.size() != *length) return problem(400, "bad-request", "the body did not come whole");
+  auto submission = parse_submission(std::move(body));
+  if (!submission) return failure(submission.error());
+  submission->idempotency_key = key;
+  const auto job = service_.submit(*submission);
+  HttpReply reply = reply_job(job, 201);
+  if (job) reply.headers.emplace_back("Location", "/v1/jobs/" + job->id);
+  return reply;
+}
+
+HttpReply HttpRoutes::list_jobs(const HttpRequest& request, const Captures&) {
+  const std::string state = request.param("state"), name = request.param("name");
+  std::vector<std::string_view> names;
+  for (const JobState s : kStates) names.push_back(to_string(s));
+  if (!state.empty() && std::ranges::find(names, state) == names.end()) {
+    std::string detail = fmt::format("state: no such state; expected one of {}", fmt::join(names, ", "));
+    if (const auto near = nearest_name(state, std::span<const std::string_view>(names))) {
+      detail += fmt::format("; did you mean {}?", *near);
+    }
+    return problem(400, "bad-request", detail);
+  }
+  json jobs = json::array();
+  for (const JobView& job : service_.list()) {
+    if ((state.empty() || to_string(job.state) == state) && (name.empty() || job.name == name))
+      jobs.push_back(to_json(job));
+  }
+  return json_reply({{"jobs", std::move(jobs)}});
+}
+
+HttpReply HttpRoutes::show_job(const HttpRequest&, const Captures& captures) {
+  return reply_job(service_.show(captures[0]));
+}
+
+HttpReply HttpRoutes::cancel_job(const HttpRequest&, const Captures& captures) {
+  return reply_job(service_.cancel(captures[0]));
+}
+
+HttpReply HttpRoutes::events(const HttpRequest&, const Captures& captures) {
+  if (const auto job = service_.show(captures[0]); !job) return failure(job.error());
+  auto ticket = std::make_shared<StreamTicket>(streams_);
+  if (streams_ > options_.max_streams)
+    return problem(503, "unavailable", "too many clients are watching; try again later");
+  HttpReply reply;
+  reply.content_type = "text/event-stream";
+  reply.body = NextPiece([ticket, next = job_events(service_, captures[0], options_.heartbeat_seconds,
+                                                    stop_)](std::string& piece) { return next(piece); });
+  return reply;
+}
+
+HttpReply HttpRoutes::logs(const HttpRequest& request, const Captures& captures) {
+  const std::string after_text = request.param("after"), follow = request.param("follow");
+  const auto after = after_text.empty() ? std::optional<std::uint64_t>(0) : whole_number(after_text);
+  if (!after) return problem(400, "bad-request", "after: expected the number of a log entry");
+  if (!follow.empty() && follow != "0" && follow != "1")
+    return problem(400, "bad-request", "follow: expected 0 or 1");
+  if (const auto job = service_.show(captures[0]); !job) return failure(job.error());
+  auto ticket = std::make_shared<StreamTicket>(streams_);
+  if (streams_ > options_.max_streams)
+    return problem(503, "unavailable", "too many clients are watching; try again later");
+  HttpReply reply;
+  reply.content_type = "application/x-ndjson";
+  reply.body = NextPiece(
+      [ticket, next = log_lines(service_, captures[0], *after, follow == "1", options_.heartbeat_seconds,
+                                stop_)](std::string& piece) { return next(piece); });
+  return reply;
+}
+
+HttpReply HttpRoutes::preview(const HttpRequest&, const Captures& captures) {
+  auto png = service_.preview_png(captures[0]);
+  if (!png) return failure(png.error(), true);
+  HttpReply reply;
+  reply.content_type = "image/png";
+  reply.headers.emplace_back("Cache-Control", "no-store");
+  reply.body = std::move(*png);
+  return reply;
+}
+
+HttpReply HttpRoutes::list_workers(const HttpRequest&, const Captures&) {
+  json workers = json::array();
+  for (const WorkerView& worker : service_.workers()) workers.push_back(to_json(worker));
+  return json_reply({{"workers", std::move(workers)}});
+}
+
+}  // namespace pf

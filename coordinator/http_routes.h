@@ -1,0 +1,83 @@
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/base/result.h"
+#include "common/wire/blob_store.h"
+#include "coordinator/http_message.h"
+#include "coordinator/job_service.h"
+
+namespace pf {
+
+/// What each address of the API answers; the table is in coordinator/README.md. Called from many threads.
+class HttpRoutes {
+ public:
+  struct Options {
+    std::string token;
+    std::filesystem::path blobs;             ///< folder of the blob store
+    std::uint64_t max_body_bytes = 8 << 20;  ///< of what is no blob
+    int max_streams = 256;                   ///< events and logs being followed at a time
+    double heartbeat_seconds = 15;           ///< of silence after which a stream shows that it lives
+  };
+  /// `stop` ends streams. Errors: those of BlobStore::open.
+  [[nodiscard]] static Result<std::unique_ptr<HttpRoutes>> make(Options options, JobService& service,
+                                                                const Log& log, std::stop_token stop);
+
+  [[nodiscard]] HttpReply answer(const HttpRequest& request);
+
+ private:
+  /// The parts of a path that stand for `{}` in a route's pattern.
+  using Captures = std::vector<std::string>;
+  struct Route {
+    std::string_view method, pattern;
+    HttpReply (HttpRoutes::*handler)(const HttpRequest&, const Captures&);
+  };
+  class StreamTicket;
+
+  HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop, BlobStore store);
+  [[nodiscard]] static std::span<const Route> routes();
+  [[nodiscard]] HttpReply route(const HttpRequest& request);
+  [[nodiscard]] bool authorised(const HttpRequest& request) const;
+  [[nodiscard]] HttpReply failure(const Error& error, bool artifact = false) const;
+  [[nodiscard]] HttpReply reply_job(const Result<JobView>& job, int status = 200) const;
+
+  [[nodiscard]] HttpReply health(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply submit(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply list_jobs(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply show_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply cancel_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply events(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply logs(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply exr(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply png(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply figures(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply checkpoint(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply artifact(const HttpRequest&, const std::string& id, Artifact kind,
+                                   std::string_view type);
+  [[nodiscard]] HttpReply preview(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply list_workers(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply head_blob(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply put_blob(const HttpRequest&, const Captures&);
+
+  const Options options_;
+  JobService& service_;
+  const Log& log_;
+  const std::stop_token stop_;
+  std::mutex store_mutex_;
+  BlobStore store_;
+  std::atomic<int> streams_{0};
+};
+
+/// A reply that is a problem document.
+[[nodiscard]] HttpReply problem(int status, std::string_view type, std::string_view detail);
+
+}  // namespace pf

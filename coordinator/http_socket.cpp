@@ -1,0 +1,153 @@
+#include "coordinator/http_socket.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+namespace pf {
+namespace {
+
+constexpr double kSliceSeconds = 0.1;  // how late a stop may be noticed
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+int milliseconds(double seconds) { return static_cast<int>(std::ceil(std::max(seconds, 0.0) * 1000.0)); }
+
+}  // namespace
+
+HttpSocket::HttpSocket(int fd, const HttpLimits& limits, std::stop_token stop)
+    : fd_(fd), limits_(limits), stop_(std::move(stop)) {
+  ::fcntl(fd_, F_SETFD, FD_CLOEXEC);
+}
+
+HttpSocket::~HttpSocket() { ::close(fd_); }
+
+HttpSocket::Waited HttpSocket::wait(short events, double seconds) {
+  const double end = now() + seconds;
+  while (true) {
+    // What is ready is taken even after a stop: a short reply still gets out.
+    const bool stopping = stop_.stop_requested();
+    const double left = end - now();
+    ::pollfd poll{fd_, events, 0};
+    const int ready = ::poll(&poll, 1, stopping ? 0 : milliseconds(std::min(left, kSliceSeconds)));
+    if (ready > 0) return (poll.revents & (events | POLLHUP)) != 0 ? Waited::kReady : Waited::kBroken;
+    if (ready < 0 && errno != EINTR) return Waited::kBroken;
+    if (stopping) return Waited::kBroken;
+    if (left <= 0) return Waited::kTimeout;
+  }
+}
+
+bool HttpSocket::too_slow(double waited, std::uint64_t bytes) const {
+  return waited > limits_.stall_seconds + static_cast<double>(bytes) / limits_.least_bytes_per_second;
+}
+
+ssize_t HttpSocket::read(char* bytes, std::size_t count) {
+  if (broken_) return -1;
+  if (taken_ == buffered_) {
+    const double from = now();
+    const double patience = in_head_ ? limits_.head_seconds - read_waited_ : limits_.stall_seconds;
+    const Waited waited = wait(POLLIN, patience);
+    read_waited_ += now() - from;
+    const bool slow = in_head_ ? read_waited_ > limits_.head_seconds : too_slow(read_waited_, read_bytes_);
+    if (waited == Waited::kTimeout || slow) {
+      refuse("408 Request Timeout");
+      return -1;
+    }
+    ssize_t got = -1;
+    if (waited == Waited::kReady) {
+      do got = ::recv(fd_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+      while (got < 0 && errno == EINTR);
+    }
+    if (got <= 0) {
+      broken_ = got < 0;
+      return got;
+    }
+    taken_ = 0;
+    buffered_ = static_cast<std::size_t>(got);
+    read_bytes_ += buffered_;
+  }
+  const std::size_t given = std::min(count, buffered_ - taken_);
+  for (std::size_t i = 0; i < given && in_head_; ++i) {
+    if (!count_head(buffer_[taken_ + i])) {
+      refuse("431 Request Header Fields Too Large");
+      return -1;
+    }
+  }
+  std::copy_n(buffer_.data() + taken_, given, bytes);
+  taken_ += given;
+  return static_cast<ssize_t>(given);
+}
+
+bool HttpSocket::count_head(char c) {
+  ++head_;
+  ++line_;
+  if (c == '\n') {
+    if (line_ <= 2 && head_ > 2) {  // an empty line: the body begins, with a time of its own
+      in_head_ = false;
+      read_waited_ = 0;
+      read_bytes_ = 0;
+      return true;
+    }
+    line_ = 0;
+  }
+  return head_ <= limits_.head_bytes && line_ <= limits_.line_bytes;
+}
+
+ssize_t HttpSocket::write(const char* bytes, std::size_t count) {
+  std::size_t done = 0;
+  while (done < count) {
+    if (broken_) return -1;
+    const double from = now();
+    const Waited waited = wait(POLLOUT, limits_.stall_seconds);
+    write_waited_ += now() - from;
+    if (waited != Waited::kReady || too_slow(write_waited_, written_bytes_)) {
+      broken_ = true;
+      return -1;
+    }
+    const ssize_t sent = ::send(fd_, bytes + done, count - done, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (sent < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (sent < 0) {
+      broken_ = true;
+      return -1;
+    }
+    done += static_cast<std::size_t>(sent);
+    written_bytes_ += static_cast<std::uint64_t>(sent);
+  }
+  return static_cast<ssize_t>(count);
+}
+
+bool HttpSocket::peer_gone() const {
+  if (broken_) return true;
+  ::pollfd poll{fd_, POLLRDHUP, 0};
+  return ::poll(&poll, 1, 0) > 0;
+}
+
+void HttpSocket::refuse(std::string_view status) {
+  const std::string reply = fmt::format(
+      "HTTP/1.1 {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: "
+      "0\r\n\r\n",
+      status);
+  static_cast<void>(write(reply.data(), reply.size()));
+  broken_ = true;
+}
+
+void HttpSocket::finish() {
+  ::shutdown(fd_, SHUT_WR);
+  const double end = now() + limits_.linger_seconds;
+  while (now() < end && wait(POLLIN, end - now()) == Waited::kReady) {
+    const ssize_t got = ::recv(fd_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+    if (got == 0 || (got < 0 && errno != EINTR && errno != EAGAIN)) return;
+  }
+}
+
+}  // namespace pf

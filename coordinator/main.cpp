@@ -1,0 +1,97 @@
+// photonfarm-coordinator: parses, wires, exits.
+
+#include <atomic>
+#include <csignal>
+#include <exception>
+#include <iostream>
+#include <random>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "build_id.h"
+#include "common/base/log.h"
+#include "coordinator/farm_process.h"
+#include "coordinator/http_server.h"
+
+namespace {
+
+// A signal handler can reach nothing but this.
+std::atomic<bool> interrupted{false};
+
+void on_interrupt(int signal) {
+  interrupted.store(true);
+  std::signal(signal, SIG_DFL);  // a second one ends the process at once
+}
+
+struct Options {
+  std::string state, engine, credentials, host = "127.0.0.1";
+  int port = 0;
+  double ack_wait = 30;
+};
+
+int report_error(const pf::Error& error) {
+  std::cerr << "photonfarm-coordinator: " << error.message << '\n';
+  return pf::exit_code(error.kind);
+}
+
+int serve(const Options& options) {
+  pf::FarmProcess::Options farm;
+  if (!options.credentials.empty()) {
+    auto credentials = pf::load_credentials(options.credentials);
+    if (!credentials) return report_error(credentials.error());
+    farm.engine = std::move(*credentials);
+  }
+  if (!options.engine.empty()) farm.engine.url = options.engine;
+  if (farm.engine.name.empty()) farm.engine.name = "coordinator";
+  farm.engine.ack_wait_seconds = options.ack_wait;
+  farm.state = options.state;
+  std::random_device random;
+  farm.incarnation = (std::uint64_t{random()} << 32) | random();
+  const pf::Log log;
+  auto process = pf::FarmProcess::open(farm, log);
+  if (!process) return report_error(process.error());
+  pf::HttpServerOptions http;
+  http.host = options.host;
+  http.port = options.port;
+  http.state = options.state;
+  http.blobs = farm.state / "blobs";
+  auto server = pf::HttpServer::start(http, **process, log);
+  if (!server) return report_error(server.error());
+  log.info("listening", {{"url", (*server)->url()}, {"build", pf::kBuildId}});
+  const auto ended = (*process)->run(interrupted);
+  (*process)->close();
+  return ended ? 0 : report_error(ended.error());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGINT, on_interrupt);
+  std::signal(SIGTERM, on_interrupt);
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk
+  Options options;
+  CLI::App app{"Cuts jobs into work units, merges their results, serves the HTTP API.", "photonfarm-coordinator"};
+  app.set_version_flag("--version", std::string("photonfarm-coordinator ") + pf::kBuildId);
+  app.add_option("--state", options.state, "folder for jobs, scenes, url and token")->required();
+  app.add_option("--engine", options.engine, "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
+  app.add_option("--credentials", options.credentials, "file that photonfarm farm init made for the coordinator");
+  app.add_option("--host", options.host, "address that the HTTP API listens on")->capture_default_str();
+  app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")->check(CLI::Range(0, 65535));
+  app.add_option("--ack-wait", options.ack_wait, "seconds after which a silent worker's units go to others")
+      ->capture_default_str()
+      ->check(CLI::Range(0.5, 3600.0));
+  app.footer("Example:\n  photonfarm-coordinator --state /var/lib/photonfarm --credentials coordinator.toml");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : pf::exit_code(pf::ErrorKind::kUsage);
+  }
+  try {
+    return serve(options);
+  } catch (const std::exception& error) {
+    std::cerr << "photonfarm-coordinator: " << error.what() << '\n';
+    return pf::exit_code(pf::ErrorKind::kInternal);
+  }
+}

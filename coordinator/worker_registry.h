@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/wire/messages.h"
+#include "coordinator/job_service.h"
+
+namespace pf {
+
+/// The workers that have been heard, and those that are not trusted any more. A worker is a name; a restarted one is the same
+/// worker in another incarnation.
+class WorkerRegistry {
+ public:
+  struct Worker {
+    std::uint64_t incarnation = 0;
+    wire::Heartbeat heartbeat;
+    double heard = 0;             ///< when
+    double idle_since = 0;        ///< meaningful while it is idle
+    std::string quarantined;      ///< why; empty: trusted
+    int faults = 0;               ///< malformed messages so far
+  };
+
+  /// `silence`: seconds without a word after which a worker counts as lost.
+  explicit WorkerRegistry(double silence) : silence_(silence) {}
+
+  Worker& heard(const std::string& name, std::uint64_t incarnation, const wire::Heartbeat& heartbeat, double now);
+  /// From then on nothing that the worker says counts. The name stays barred while the coordinator runs: the same program on
+  /// the same host would err again.
+  void quarantine(const std::string& name, const std::string& reason);
+  [[nodiscard]] bool is_quarantined(const std::string& name) const;
+  /// A malformed message. True when that was one too many: the worker is in quarantine now.
+  bool fault(const std::string& name, const std::string& what);
+
+  [[nodiscard]] std::size_t live(double now) const;
+  /// True when a live worker has had nothing to do since `since` or longer.
+  [[nodiscard]] bool any_idle_since(double since, double now) const;
+  [[nodiscard]] std::vector<WorkerView> views(double now) const;
+  [[nodiscard]] const std::map<std::string, Worker>& all() const { return workers_; }
+
+ private:
+  std::map<std::string, Worker> workers_;
+  double silence_;
+};
+
+}  // namespace pf

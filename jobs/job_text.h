@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/status_line.h"
+
+namespace pf {
+
+// Jobs, workers and log entries, as the service gives them in JSON, for people.
+
+/// A member's text or number; empty or 0 when it is absent, null or something else.
+[[nodiscard]] std::string job_text(const nlohmann::json& job, std::string_view member);
+[[nodiscard]] double job_number(const nlohmann::json& job, std::string_view member);
+[[nodiscard]] bool job_has_ended(const nlohmann::json& job);
+
+/// One line while it runs: `[####................]  25 %  16/64 passes  0:30 left  error 0.05  3.1 Mrays/s  2
+/// workers`.
+[[nodiscard]] std::string job_line(const nlohmann::json& job, StatusLine::Style style);
+[[nodiscard]] std::string jobs_table(const nlohmann::json& jobs);
+[[nodiscard]] std::string workers_table(const nlohmann::json& workers);
+/// Every figure of one job, a line each.
+[[nodiscard]] std::string job_description(const nlohmann::json& job);
+/// `2026-01-31 12:00:00  info     coordinator  text`, in UTC.
+[[nodiscard]] std::string log_line(const nlohmann::json& entry);
+
+}  // namespace pf

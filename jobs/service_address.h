@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "common/base/result.h"
+
+namespace pf {
+
+/// Where a service listens, and what it wants to hear first.
+struct ServiceAddress {
+  std::string url;  ///< http://HOST:PORT or https://...
+  std::string token;
+  std::string origin;  ///< where these were found, for hints: a file or a variable
+};
+
+/// `server`: a URL, which takes `token`, or a farm's state folder, which holds both. Read anew for each
+/// connection: a coordinator that starts again may listen elsewhere. Errors: kUsage, kUnavailable (no farm
+/// was started there).
+[[nodiscard]] Result<ServiceAddress> find_service(const std::string& server, const std::string& token);
+
+/// What to do about a service that is not there.
+[[nodiscard]] std::string start_hint(const std::string& server);
+
+}  // namespace pf

@@ -1,0 +1,144 @@
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "coordinator/job_service.h"
+
+namespace pf::test {
+
+/// A coordinator without a farm: jobs are what the test makes them.
+class FakeJobService final : public JobService {
+ public:
+  Result<JobView> submit(const Submission& submission) override {
+    const std::lock_guard lock(mutex_);
+    submissions.push_back(submission);
+    if (submit_error) return tl::unexpected(*submit_error);
+    for (const auto& [key, id] : keys_) {
+      if (!key.empty() && key == submission.idempotency_key) return jobs_.at(id);
+    }
+    JobView job = new_job;
+    job.id = new_job.id + (jobs_.empty() ? "" : "-" + std::to_string(jobs_.size()));
+    job.submitted_unix_ms = 1'700'000'000'000 + static_cast<std::int64_t>(jobs_.size());
+    keys_.emplace_back(submission.idempotency_key, job.id);
+    jobs_[job.id] = job;
+    changed();
+    return job;
+  }
+  std::vector<JobView> list() override {
+    const std::lock_guard lock(mutex_);
+    std::vector<JobView> all;
+    for (const auto& [id, job] : jobs_) all.push_back(job);
+    return all;
+  }
+  Result<JobView> show(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    return find(id);
+  }
+  Result<JobView> cancel(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    auto job = find(id);
+    if (!job) return job;
+    if (!has_ended(jobs_[id].state)) jobs_[id].state = JobState::kCancelled;
+    changed();
+    return jobs_[id];
+  }
+  Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    const auto found = artifacts.find(kind);
+    if (found == artifacts.end()) return fail(ErrorKind::kUnavailable, "the job has no image yet");
+    return found->second;
+  }
+  Result<std::string> preview_png(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    if (preview.empty()) return fail(ErrorKind::kUnavailable, "no sub-pass is done yet");
+    return preview;
+  }
+  Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    std::vector<LogEntry> result;
+    for (const LogEntry& entry : entries_) {
+      if (entry.number > after && result.size() < 1000) result.push_back(entry);
+    }
+    return result;
+  }
+  std::vector<WorkerView> workers() override { return {worker}; }
+  std::uint64_t wait_for_change(std::uint64_t version, double seconds) override {
+    std::unique_lock lock(mutex_);
+    ++waits_;
+    condition_.notify_all();
+    condition_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return version_ != version; });
+    return version_;
+  }
+
+  /// The test's side.
+  void put(const JobView& job) {
+    const std::lock_guard lock(mutex_);
+    jobs_[job.id] = job;
+    changed();
+  }
+  void log(const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    entries_.push_back({entries_.size() + 1, 1'700'000'000'000, "info", "coordinator", text});
+  }
+  /// False when nobody watches within ten seconds (a watcher waits for a change again and again).
+  bool wait_for_watcher(int times = 3) {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t from = waits_;
+    return condition_.wait_for(lock, std::chrono::seconds(10),
+                               [&] { return waits_ >= from + static_cast<unsigned>(times); });
+  }
+  bool wait_for_submission() {
+    std::unique_lock lock(mutex_);
+    return condition_.wait_for(lock, std::chrono::seconds(10), [&] { return !jobs_.empty(); });
+  }
+
+  JobView new_job = running("glass-1a2b");
+  std::optional<Error> submit_error;
+  std::map<Artifact, std::filesystem::path> artifacts;
+  std::string preview;
+  WorkerView worker{"host-a-1", "host-a", 4711, "tracing", "", "glass-1a2b", 2, 1000, 7, 0.5};
+  std::vector<Submission> submissions;
+
+  static JobView running(const std::string& id) {
+    JobView job;
+    job.id = id;
+    job.name = "glass";
+    job.state = JobState::kRunning;
+    job.passes_done = 16;
+    job.passes_wanted = 64;
+    job.rays_per_second = 3.1e6;
+    job.workers = 2;
+    job.seconds_left = 30;
+    return job;
+  }
+
+ private:
+  Result<JobView> find(const std::string& id) const {
+    const auto found = jobs_.find(id);
+    if (found == jobs_.end()) return fail(ErrorKind::kUsage, "no job '" + id + "'");
+    return found->second;
+  }
+  void changed() {
+    ++version_;
+    condition_.notify_all();
+  }
+
+  std::mutex mutex_;
+  std::condition_variable condition_;
+  std::uint64_t version_ = 1, waits_ = 0;
+  std::map<std::string, JobView> jobs_;
+  std::vector<std::pair<std::string, std::string>> keys_;
+  std::vector<LogEntry> entries_;
+};
+
+}  // namespace pf::test
