@@ -12,7 +12,7 @@
 #include "build_id.h"
 #include "common/base/log.h"
 #include "coordinator/farm_process.h"
-#include "coordinator/http_server.h"
+#include "coordinator/http/server.h"
 
 namespace {
 

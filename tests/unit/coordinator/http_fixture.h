@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/log.h"
-#include "coordinator/http_server.h"
+#include "coordinator/http/server.h"
 #include "tests/support/fake_job_service.h"
 #include "tests/support/raw_http.h"
 #include "tests/support/temp_folder.h"

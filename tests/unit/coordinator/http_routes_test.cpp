@@ -5,7 +5,7 @@
 
 #include "common/base/atomic_file.h"
 #include "common/base/hash.h"
-#include "tests/unit/coordinator/http_fixture.h"
+#include "tests/unit/coordinator/http/fixture.h"
 
 namespace pf::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "coordinator/http_server.h"
+#include "coordinator/http/server.h"
 
 #include <sys/stat.h>
 
@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "common/base/atomic_file.h"
-#include "coordinator/connection_threads.h"
-#include "tests/unit/coordinator/http_fixture.h"
+#include "coordinator/http/connection_threads.h"
+#include "tests/unit/coordinator/http/fixture.h"
 
 namespace pf::test {
 namespace {

@@ -1,7 +1,7 @@
 #include <chrono>
 #include <thread>
 
-#include "tests/unit/coordinator/http_fixture.h"
+#include "tests/unit/coordinator/http/fixture.h"
 
 namespace pf::test {
 namespace {

@@ -14,8 +14,8 @@
 
 #include "common/base/hash.h"
 #include "common/base/log.h"
-#include "coordinator/http_file.h"
-#include "coordinator/http_server.h"
+#include "coordinator/http/file.h"
+#include "coordinator/http/server.h"
 #include "jobs/command.h"
 #include "tests/support/fake_job_service.h"
 #include "tests/support/temp_folder.h"

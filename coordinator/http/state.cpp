@@ -1,4 +1,4 @@
-#include "coordinator/http_state.h"
+#include "coordinator/http/state.h"
 
 #include <fmt/format.h>
 #include <sys/random.h>

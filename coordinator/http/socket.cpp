@@ -1,4 +1,4 @@
-#include "coordinator/http_socket.h"
+#include "coordinator/http/socket.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

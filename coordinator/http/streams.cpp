@@ -1,4 +1,4 @@
-#include "coordinator/http_streams.h"
+#include "coordinator/http/streams.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "coordinator/http_json.h"
+#include "coordinator/http/json.h"
 
 namespace pf {
 namespace {

@@ -1,7 +1,7 @@
 // The seam to cpp-httplib, which is included here only: its types become HttpRequest and HttpReply, and its
 // connections run over HttpSocket.
 
-#include "coordinator/http_server.h"
+#include "coordinator/http/server.h"
 
 #include <fmt/format.h>
 #include <httplib.h>
@@ -18,10 +18,10 @@
 #include <thread>
 #include <utility>
 
-#include "coordinator/connection_threads.h"
-#include "coordinator/http_json.h"
-#include "coordinator/http_routes.h"
-#include "coordinator/http_state.h"
+#include "coordinator/http/connection_threads.h"
+#include "coordinator/http/json.h"
+#include "coordinator/http/routes.h"
+#include "coordinator/http/state.h"
 
 namespace pf {
 namespace {

@@ -4,7 +4,7 @@
 #include <stop_token>
 #include <string>
 
-#include "coordinator/http_message.h"
+#include "coordinator/http/message.h"
 #include "coordinator/job_service.h"
 
 namespace pf {

@@ -6,7 +6,7 @@
 
 #include "common/base/log.h"
 #include "common/base/result.h"
-#include "coordinator/http_socket.h"
+#include "coordinator/http/socket.h"
 #include "coordinator/job_service.h"
 
 namespace pf {

@@ -1,4 +1,4 @@
-#include "coordinator/http_json.h"
+#include "coordinator/http/json.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "coordinator/connection_threads.h"
+#include "coordinator/http/connection_threads.h"
 
 #include <system_error>
 #include <utility>

@@ -9,8 +9,8 @@
 
 #include "common/base/hash.h"
 #include "common/wire/limits.h"
-#include "coordinator/http_json.h"
-#include "coordinator/http_routes.h"
+#include "coordinator/http/json.h"
+#include "coordinator/http/routes.h"
 
 namespace pf {
 namespace {

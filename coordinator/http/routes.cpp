@@ -1,4 +1,4 @@
-#include "coordinator/http_routes.h"
+#include "coordinator/http/routes.h"
 
 #include <fmt/format.h>
 
@@ -10,9 +10,9 @@
 
 #include "build_id.h"
 #include "common/base/nearest_name.h"
-#include "coordinator/http_json.h"
-#include "coordinator/http_state.h"
-#include "coordinator/http_streams.h"
+#include "coordinator/http/json.h"
+#include "coordinator/http/state.h"
+#include "coordinator/http/streams.h"
 
 namespace pf {
 namespace {

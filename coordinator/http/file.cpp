@@ -1,4 +1,4 @@
-#include "coordinator/http_file.h"
+#include "coordinator/http/file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "coordinator/http_file.h"
+#include "coordinator/http/file.h"
 
 namespace pf {
 

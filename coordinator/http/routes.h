@@ -13,7 +13,7 @@
 #include "common/base/log.h"
 #include "common/base/result.h"
 #include "common/wire/blob_store.h"
-#include "coordinator/http_message.h"
+#include "coordinator/http/message.h"
 #include "coordinator/job_service.h"
 
 namespace pf {
