@@ -14,7 +14,9 @@ constexpr std::size_t kAtOnce = 1000;
 
 JobLog::JobLog(std::filesystem::path folder) : file_(std::move(folder) / "log.jsonl") {
   std::ifstream stream(file_);
+  bool half_a_line = false;
   for (std::string line; std::getline(stream, line);) {
+    half_a_line = stream.eof();
     const auto json = nlohmann::json::parse(line, nullptr, false);
     if (!json.is_object()) continue;  // the last line of a process that was killed
     LogEntry entry;
@@ -27,6 +29,7 @@ JobLog::JobLog(std::filesystem::path folder) : file_(std::move(folder) / "log.js
     entries_.push_back(std::move(entry));
     if (entries_.size() > kInMemory) entries_.pop_front();
   }
+  if (half_a_line) std::ofstream(file_, std::ios::app) << '\n';
 }
 
 void JobLog::add(std::int64_t unix_ms, std::string_view level, std::string_view source, std::string_view text) {
