@@ -54,43 +54,42 @@ class PathRng {
  private:
   static constexpr unsigned kBuffered = 16;
 
-  /// Four blocks at once, one in each 64-bit lane: about the time of one.
-  void refill();
+  /// Four blocks at once, one in each 64-bit lane: about the time of one. Once for sixteen numbers: not worth a copy at every
+  /// place that draws one.
+  [[gnu::noinline]] void refill() {
+    const auto every = [](std::uint32_t v) { return _mm256_set1_epi64x(v); };
+    __m256i c0 = every(counter_[0]), c1 = every(counter_[1]), c2 = every(counter_[2]);
+    __m256i c3 = _mm256_add_epi32(every(counter_[3]), _mm256_setr_epi64x(0, 1, 2, 3));
+    std::uint32_t key0 = key_[0], key1 = key_[1];
+    for (int round = 0; round < 10; ++round) {
+      // Only the low halves of the lanes count as factors: what is left in the high ones does no harm.
+      const __m256i product0 = _mm256_mul_epu32(c0, every(kPhiloxMultiplier0));
+      const __m256i product1 = _mm256_mul_epu32(c2, every(kPhiloxMultiplier1));
+      c0 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product1, 32), c1), every(key0));
+      c2 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product0, 32), c3), every(key1));
+      c1 = product1;
+      c3 = product0;
+      key0 += kPhiloxWeyl0;
+      key1 += kPhiloxWeyl1;
+    }
+    // To block after block, and to_unit_float().
+    const __m256i low = _mm256_blend_epi32(c0, _mm256_slli_epi64(c1, 32), 0b10101010);
+    const __m256i high = _mm256_blend_epi32(c2, _mm256_slli_epi64(c3, 32), 0b10101010);
+    const auto unit = [](__m256i bits) {
+      return _mm256_mul_ps(_mm256_cvtepi32_ps(_mm256_srli_epi32(bits, 8)), _mm256_set1_ps(0x1p-24f));
+    };
+    const __m256 even = unit(_mm256_unpacklo_epi64(low, high));  // blocks 0 and 2
+    const __m256 odd = unit(_mm256_unpackhi_epi64(low, high));   // blocks 1 and 3
+    _mm256_storeu_ps(buffer_.data(), _mm256_permute2f128_ps(even, odd, 0x20));
+    _mm256_storeu_ps(buffer_.data() + 8, _mm256_permute2f128_ps(even, odd, 0x31));
+    counter_[3] += 4;
+    used_ = 0;
+  }
 
   std::array<std::uint32_t, 2> key_;
   std::array<std::uint32_t, 4> counter_;
   std::array<float, kBuffered> buffer_{};
   unsigned used_ = kBuffered;
 };
-
-inline void PathRng::refill() {
-  const auto every = [](std::uint32_t v) { return _mm256_set1_epi64x(v); };
-  __m256i c0 = every(counter_[0]), c1 = every(counter_[1]), c2 = every(counter_[2]);
-  __m256i c3 = _mm256_add_epi32(every(counter_[3]), _mm256_setr_epi64x(0, 1, 2, 3));
-  std::uint32_t key0 = key_[0], key1 = key_[1];
-  for (int round = 0; round < 10; ++round) {
-    // Only the low halves of the lanes count as factors: what is left in the high ones does no harm.
-    const __m256i product0 = _mm256_mul_epu32(c0, every(kPhiloxMultiplier0));
-    const __m256i product1 = _mm256_mul_epu32(c2, every(kPhiloxMultiplier1));
-    c0 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product1, 32), c1), every(key0));
-    c2 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product0, 32), c3), every(key1));
-    c1 = product1;
-    c3 = product0;
-    key0 += kPhiloxWeyl0;
-    key1 += kPhiloxWeyl1;
-  }
-  // To block after block, and to_unit_float().
-  const __m256i low = _mm256_blend_epi32(c0, _mm256_slli_epi64(c1, 32), 0b10101010);
-  const __m256i high = _mm256_blend_epi32(c2, _mm256_slli_epi64(c3, 32), 0b10101010);
-  const auto unit = [](__m256i bits) {
-    return _mm256_mul_ps(_mm256_cvtepi32_ps(_mm256_srli_epi32(bits, 8)), _mm256_set1_ps(0x1p-24f));
-  };
-  const __m256 even = unit(_mm256_unpacklo_epi64(low, high));  // blocks 0 and 2
-  const __m256 odd = unit(_mm256_unpackhi_epi64(low, high));   // blocks 1 and 3
-  _mm256_storeu_ps(buffer_.data(), _mm256_permute2f128_ps(even, odd, 0x20));
-  _mm256_storeu_ps(buffer_.data() + 8, _mm256_permute2f128_ps(even, odd, 0x31));
-  counter_[3] += 4;
-  used_ = 0;
-}
 
 }  // namespace pf

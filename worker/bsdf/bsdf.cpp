@@ -7,6 +7,7 @@
 #include "worker/bsdf/charlie.h"
 #include "worker/bsdf/fresnel.h"
 #include "worker/bsdf/ggx.h"
+#include "worker/bsdf/lambert.h"
 
 namespace pf {
 namespace {
@@ -200,16 +201,12 @@ std::optional<BsdfSample> Bsdf::sample(const Vec3f&, float u_lobe, const Vec2f& 
 }
 
 std::optional<BsdfSample> Bsdf::sample_lambert(const Vec2f& u, Transport mode) const {
-  const Vec3f local = sample_cosine_hemisphere(u);
+  const LambertSample drawn = pf::sample_lambert(shading_, ng_, wo_, lambert_albedo_, u, mode == Transport::kFlux);
+  if (!drawn.valid) return std::nullopt;
   BsdfSample s;
-  s.wi = shading_.to_world(local);
-  const float wi_ng = dot(s.wi, ng_);
-  if (!(local.z > 0.0f && wi_ng > 0.0f)) return std::nullopt;
-  s.pdf_w = local.z * kInvPi;
-  s.weight = lambert_albedo_;
-  if (mode == Transport::kFlux && shading_.n != ng_) {
-    s.weight *= dot(wo_, shading_.n) * wi_ng / (dot(wo_, ng_) * local.z);
-  }
+  s.wi = drawn.wi;
+  s.pdf_w = drawn.pdf_w;
+  s.weight = drawn.weight;
   return s;
 }
 

@@ -41,6 +41,10 @@ struct SurfaceParams {
   bool scatters = true;  ///< false for unlit: the BSDF is zero
 };
 
+/// Albedo of a surface that is one Lambert reflector whatever medium is around it, and empty for any other. Photons meet such
+/// a surface as a LambertSurface.
+[[nodiscard]] std::optional<Rgb> plain_lambert_albedo(const SurfaceParams& p);
+
 struct BsdfSample {
   Vec3f wi;         ///< unit, away from the surface
   Rgb weight;       ///< f |cos(ns, wi)| / pdf_w; for Transport::kFlux with Veach's shading-normal correction

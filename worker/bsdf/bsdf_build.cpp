@@ -5,6 +5,7 @@
 #include "worker/bsdf/bsdf.h"
 #include "worker/bsdf/charlie.h"
 #include "worker/bsdf/fresnel.h"
+#include "worker/bsdf/lambert.h"
 
 namespace pf {
 namespace {
@@ -13,23 +14,9 @@ namespace {
 /// incidence, and closer indices would leave a refracting half vector without digits.
 constexpr float kEqualIndices = 1e-3f;
 
-/// Smallest cosine, to shading and geometric normals, that turned shading normals leave.
-constexpr float kMinCosine = 0.01f;
-
 /// Clamps to [0,1]; NaN becomes 0.
 float saturate(float x) { return x > 0.0f ? std::min(x, 1.0f) : 0.0f; }
 Rgb saturate(const Rgb& c) { return {saturate(c.x), saturate(c.y), saturate(c.z)}; }
-
-bool is_unit(const Vec3f& v) {
-  const float l = length2(v);
-  return l > 0.98f && l < 1.02f;
-}
-
-/// Turns `n` towards wo just far enough that wo sees it from above.
-Vec3f turn_into_view(const Vec3f& n, const Vec3f& wo, float limit) {
-  const float cosine = dot(wo, n);
-  return cosine >= limit ? n : normalize(n + wo * (limit - cosine));
-}
 
 /// Turns `n` so that the mirror image of wo leaves the surface: the reflected ray is lifted, and the normal
 /// is then halfway between it and wo [Keller et al. 2017, "The Iray Light Transport Simulation and Rendering
@@ -42,21 +29,10 @@ Vec3f turn_to_mirror_outwards(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, 
   return length2(sum) > 1e-6f ? normalize(sum) : ng;  // shorter: only rounding is left of it
 }
 
-float limit_of(const Vec3f& ng, const Vec3f& wo) { return std::min(kMinCosine, 0.9f * dot(wo, ng)); }
-
-/// `n` of the mesh's front side, turned to wo's side and to where wo sees it from above.
-Vec3f visible_normal(const Vec3f& n, bool front, const Vec3f& ng, const Vec3f& wo) {
-  if (!is_unit(n)) return ng;
-  const Vec3f turned = front ? n : -n;
-  if (turned == ng || !(dot(turned, ng) > 0.0f)) return ng;
-  const Vec3f visible = turn_into_view(turned, wo, limit_of(ng, wo));
-  return dot(visible, wo) > 0.0f ? visible : ng;
-}
-
 /// The frame that light is mirrored in at a point whose visible normal is that of `shading`.
 Frame mirror_frame(const Frame& shading, const Vec3f& ng, const Vec3f& wo) {
   if (shading.n == ng) return shading;
-  const Vec3f turned = turn_to_mirror_outwards(shading.n, ng, wo, limit_of(ng, wo));
+  const Vec3f turned = turn_to_mirror_outwards(shading.n, ng, wo, view_limit(ng, wo));
   if (turned == shading.n) return shading;
   return Frame::from_normal(dot(turned, wo) > 0.0f ? turned : ng);
 }
@@ -72,21 +48,29 @@ float relative_index(const SurfaceParams& p) {
 
 bool indices_equal(float eta) { return std::abs(eta - 1.0f) < kEqualIndices; }
 
-/// Only Lambert: no metal, no transmission, nothing that reflects specularly, no coat, no sheen.
+/// No metal, no transmission, no coat, no sheen.
+bool is_bare(const SurfaceParams& p) {
+  return !(p.metallic > 0.0f) && !(p.transmission > 0.0f) && !(p.clearcoat > 0.0f) && !(max_component(p.sheen_color) > 0.0f);
+}
+
+/// Only Lambert: bare, and nothing that reflects specularly.
 bool is_pure_lambert(const SurfaceParams& p) {
-  const bool matte = !(p.specular > 0.0f) || indices_equal(relative_index(p));
-  return matte && !(p.metallic > 0.0f) && !(p.transmission > 0.0f) && !(p.clearcoat > 0.0f) &&
-         !(max_component(p.sheen_color) > 0.0f);
+  return is_bare(p) && (!(p.specular > 0.0f) || indices_equal(relative_index(p)));
 }
 
 }  // namespace
+
+std::optional<Rgb> plain_lambert_albedo(const SurfaceParams& p) {
+  if (!p.scatters || p.specular > 0.0f || !is_bare(p)) return std::nullopt;
+  return saturate(p.base_color);
+}
 
 Bsdf::Bsdf(const SurfaceParams& p, const Vec3f& wo) : wo_(wo) {
   const float side = dot(wo, p.ng);
   front_ = side >= 0.0f;
   ng_ = front_ ? p.ng : -p.ng;
   // The comparison also turns away NaN.
-  if (!(std::abs(side) > 1e-9f) || !is_unit(p.ng) || !is_unit(wo)) {
+  if (!(std::abs(side) > LambertSurface::kGrazing) || !is_unit(p.ng) || !is_unit(wo)) {
     ng_ = is_unit(p.ng) ? ng_ : Vec3f(0.0f, 0.0f, 1.0f);
     shading_ = Frame::from_normal(ng_);
     is_black_ = true;

@@ -5,6 +5,21 @@
 namespace pf {
 namespace {
 
+/// For every set of eight lanes their numbers, ascending, a byte each.
+constexpr std::array<std::uint64_t, 256> lanes_of_sets() {
+  std::array<std::uint64_t, 256> table{};
+  for (unsigned set = 0; set < 256; ++set) {
+    int place = 0;
+    for (unsigned lane = 0; lane < 8; ++lane) {
+      if ((set >> lane & 1) == 0) continue;
+      table[set] |= std::uint64_t{lane} << place;
+      place += 8;
+    }
+  }
+  return table;
+}
+constexpr std::array<std::uint64_t, 256> kLanesOfSets = lanes_of_sets();
+
 /// Sixteen floats in two registers.
 struct Avx2 {
   struct Float {
@@ -21,10 +36,11 @@ struct Avx2 {
   static Narrow no_steps() { return {_mm256_setzero_si256(), _mm256_setzero_si256()}; }
   static Mask none() { return {_mm256_setzero_ps(), _mm256_setzero_ps()}; }
   static Float set(float v) { return {_mm256_set1_ps(v), _mm256_set1_ps(v)}; }
-  static Float load(const float* p) { return {_mm256_loadu_ps(p), _mm256_loadu_ps(p + 8)}; }
+  static Float load(const float* p) { return {_mm256_load_ps(p), _mm256_load_ps(p + 8)}; }
   static Float add(Float a, Float b) { return {_mm256_add_ps(a.low, b.low), _mm256_add_ps(a.high, b.high)}; }
   static Float sub(Float a, Float b) { return {_mm256_sub_ps(a.low, b.low), _mm256_sub_ps(a.high, b.high)}; }
   static Float mul(Float a, Float b) { return {_mm256_mul_ps(a.low, b.low), _mm256_mul_ps(a.high, b.high)}; }
+  static Float min(Float a, Float b) { return {_mm256_min_ps(a.low, b.low), _mm256_min_ps(a.high, b.high)}; }
   static Float max(Float a, Float b) { return {_mm256_max_ps(a.low, b.low), _mm256_max_ps(a.high, b.high)}; }
   static Float abs(Float a) {
     const __m256 sign = _mm256_set1_ps(-0.0f);
@@ -38,9 +54,19 @@ struct Avx2 {
     return static_cast<std::uint32_t>(_mm256_movemask_ps(m.low)) |
            static_cast<std::uint32_t>(_mm256_movemask_ps(m.high)) << 8;
   }
+  /// Writes base + i for every bit i that is set, ascending, and leaves the rest of 16 entries undefined.
+  static void append(std::uint32_t* to, std::uint32_t bits, std::uint32_t base) {
+    const auto store = [](std::uint32_t* at, std::uint32_t set, std::uint32_t first) {
+      const __m128i lanes = _mm_cvtsi64_si128(static_cast<long long>(kLanesOfSets[set]));
+      const __m256i all = _mm256_add_epi32(_mm256_cvtepu8_epi32(lanes), _mm256_set1_epi32(static_cast<int>(first)));
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(at), all);
+    };
+    store(to, bits & 0xFF, base);
+    store(to + std::popcount(bits & 0xFF), bits >> 8, base + 8);
+  }
   static Bits load_bits(const std::uint32_t* p) {
-    return {_mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)),
-            _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p + 8))};
+    return {_mm256_load_si256(reinterpret_cast<const __m256i*>(p)),
+            _mm256_load_si256(reinterpret_cast<const __m256i*>(p + 8))};
   }
   static Float signed_byte(Bits v, int byte) {
     const int up = 24 - 8 * byte;

@@ -1,7 +1,9 @@
 // Query code over a vector type V of 16 floats; included by one source per instruction set. Every operation is
 // elementwise and correctly rounded, and sums are integers: all instruction sets give the same bits.
 
+#include <array>
 #include <bit>
+#include <utility>
 
 #include "worker/photon/photon_tree.h"
 
@@ -27,12 +29,11 @@ struct QueryLanes {
         cosine(V::set(kMinNormalCosine * kNormalSteps)),
         query(q) {}
 
-  /// Bit i: box i of the node at `first` meets the ball.
-  [[nodiscard]] std::uint32_t boxes(const PhotonTree::Level& level, std::size_t first) const {
+  /// Bit i: box i of the node meets the ball.
+  [[nodiscard]] std::uint32_t boxes(const PhotonTree::Node& node) const {
     const auto axis = [&](std::size_t a, const typename V::Float& p) {
-      const auto below = V::sub(V::load(&level.lower[a][first]), p);
-      const auto above = V::sub(p, V::load(&level.upper[a][first]));
-      const auto d = V::max(V::max(below, above), V::set(0.0f));
+      const auto nearest = V::max(V::min(p, V::load(node.upper[a].data())), V::load(node.lower[a].data()));
+      const auto d = V::sub(nearest, p);
       return V::mul(d, d);
     };
     return V::bits(V::less_equal(V::add(V::add(axis(0, px), axis(1, py)), axis(2, pz)), radius2));
@@ -48,19 +49,19 @@ struct QueryLanes {
     return faces = kMinNormalCosine * kNormalSteps <= (query.both_sides ? std::abs(facing) : facing);
   }
 
-  /// Mask of the accepted photons of the block at `first`.
-  [[nodiscard]] typename V::Mask photons(const PhotonTree& tree, std::size_t first) {
-    const std::uint32_t packed = tree.block_normal(first);
+  /// Mask of the accepted photons of a block.
+  [[nodiscard]] typename V::Mask photons(const PhotonTree& tree, std::size_t index) {
+    const std::uint32_t packed = tree.block_normal(index);
     if (packed != PhotonTree::kMixedNormals && !block_faces(packed)) return V::none();
-    const PhotonArrays& p = tree.photons();
-    const auto dx = V::sub(V::load(&p.x[first]), px);
-    const auto dy = V::sub(V::load(&p.y[first]), py);
-    const auto dz = V::sub(V::load(&p.z[first]), pz);
+    const PhotonTree::Block& p = tree.blocks()[index];
+    const auto dx = V::sub(V::load(p.x.data()), px);
+    const auto dy = V::sub(V::load(p.y.data()), py);
+    const auto dz = V::sub(V::load(p.z.data()), pz);
     const auto d2 = V::add(V::add(V::mul(dx, dx), V::mul(dy, dy)), V::mul(dz, dz));
     const auto height = V::add(V::add(V::mul(dx, nx), V::mul(dy, ny)), V::mul(dz, nz));
     const auto mask = V::both(V::less_equal(d2, radius2), V::less_equal(V::abs(height), plane));
     if (packed != PhotonTree::kMixedNormals) return mask;
-    const auto normal = V::load_bits(&p.normal[first]);
+    const auto normal = V::load_bits(p.normal.data());
     auto facing = V::add(V::add(V::mul(V::signed_byte(normal, 0), nx), V::mul(V::signed_byte(normal, 1), ny)),
                          V::mul(V::signed_byte(normal, 2), nz));
     if (query.both_sides) facing = V::abs(facing);
@@ -68,41 +69,85 @@ struct QueryLanes {
   }
 };
 
-/// Calls visit(first photon of the block) for every block whose box meets the ball, in ascending order.
+/// Blocks that a query of ordinary size may meet.
+constexpr std::size_t kMostListed = 512;
+/// Room for what is appended past the end before it is counted.
+using BlockList = std::array<std::uint32_t, kMostListed + 3 * PhotonTree::kWidth>;
+
+/// Lists all blocks whose box meets the ball, in ascending order, and returns their number; or more than kMostListed when they
+/// are too many. Level by level, two nodes at a time and without a branch on what they hold: a query of some ten blocks would
+/// spend more on branches that go the unexpected way than on its arithmetic.
+template <typename V>
+std::size_t list_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, BlockList& list) {
+  constexpr auto kWidth = static_cast<std::uint32_t>(PhotonTree::kWidth);
+  BlockList other;
+  std::uint32_t* from = tree.levels().size() % 2 == 0 ? list.data() : other.data();
+  std::uint32_t* to = tree.levels().size() % 2 == 0 ? other.data() : list.data();
+  std::size_t count = 1;
+  from[0] = 0;
+  for (std::size_t level = tree.levels().size(); level-- > 0;) {
+    const PhotonTree::Node* nodes = tree.levels()[level].data();
+    from[count] = 0;  // a partner for the last of an odd number; what it meets is dropped
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < count; i += 2) {
+      const std::uint32_t first = from[i], second = from[i + 1];
+      const std::uint32_t met_first = lanes.boxes(nodes[first]);
+      const std::uint32_t met_second = lanes.boxes(nodes[second]) & (i + 1 < count ? 0xFFFFu : 0u);
+      V::append(to + found, met_first, first * kWidth);
+      found += static_cast<std::size_t>(std::popcount(met_first));
+      V::append(to + found, met_second, second * kWidth);
+      found += static_cast<std::size_t>(std::popcount(met_second));
+      if (found > kMostListed) return found;
+    }
+    std::swap(from, to);
+    count = found;
+  }
+  return count;
+}
+
+/// Calls visit(index) for every block whose box meets the ball, in ascending order; for balls that hold many blocks.
+template <typename V, typename Visit>
+void walk_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& visit) {
+  constexpr std::size_t kWidth = PhotonTree::kWidth;
+  // 16^9 is more than 32 bits can index.
+  constexpr std::size_t kMaxLevels = 9;
+  const auto& levels = tree.levels();
+  std::uint32_t pending[kMaxLevels];   // boxes of the level's current node yet to be entered
+  std::size_t first[kMaxLevels];       // index of that node's first box
+  std::size_t depth = levels.size() - 1;
+  std::size_t node = 0;
+  while (true) {
+    std::uint32_t met = lanes.boxes(levels[depth][node]);
+    if (depth > 0) {
+      pending[depth] = met;
+      first[depth] = node * kWidth;
+    } else {
+      for (; met != 0; met &= met - 1) visit(node * kWidth + static_cast<std::size_t>(std::countr_zero(met)));
+      ++depth;
+    }
+    while (depth < levels.size() && pending[depth] == 0) ++depth;
+    if (depth >= levels.size()) return;
+    node = first[depth] + static_cast<std::size_t>(std::countr_zero(pending[depth]));
+    pending[depth] &= pending[depth] - 1;
+    --depth;
+  }
+}
+
+/// Calls visit(index) for every block whose box meets the ball, in ascending order.
 template <typename V, typename Visit>
 void for_each_block(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& visit) {
-  constexpr std::size_t kWidth = PhotonTree::kWidth;
-  const auto& levels = tree.levels();
-  // At most one pending mask per level; 16^8 blocks of 16 photons are more than 32 bits can index.
-  constexpr std::size_t kMaxLevels = 9;
-  std::uint32_t pending[kMaxLevels];
-  std::size_t node[kMaxLevels];
-  std::size_t depth = levels.size() - 1;
-  node[depth] = 0;
-  pending[depth] = lanes.boxes(levels[depth], 0);
-  while (true) {
-    if (pending[depth] == 0) {
-      if (++depth == levels.size()) return;
-      continue;
-    }
-    const auto child = node[depth] * kWidth + static_cast<std::size_t>(std::countr_zero(pending[depth]));
-    pending[depth] &= pending[depth] - 1;
-    if (depth == 0) {
-      visit(child * kWidth);
-    } else {
-      --depth;
-      node[depth] = child;
-      pending[depth] = lanes.boxes(levels[depth], child * kWidth);
-    }
-  }
+  BlockList list;
+  const std::size_t count = list_blocks(tree, lanes, list);
+  if (count > kMostListed) return walk_blocks(tree, lanes, visit);
+  for (std::size_t i = 0; i < count; ++i) visit(std::size_t{list[i]});
 }
 
 template <typename V>
 std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query) {
   QueryLanes<V> lanes(query);
   std::uint32_t count = 0;
-  for_each_block<V>(tree, lanes, [&](std::size_t first) {
-    count += static_cast<std::uint32_t>(std::popcount(V::bits(lanes.photons(tree, first))));
+  for_each_block<V>(tree, lanes, [&](std::size_t block) {
+    count += static_cast<std::uint32_t>(std::popcount(V::bits(lanes.photons(tree, block))));
   });
   return count;
 }
@@ -110,17 +155,17 @@ std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query) {
 template <typename V>
 FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
   QueryLanes<V> lanes(query);
-  FluxSum sum;
+  std::uint32_t count = 0;
   typename V::Steps r{}, g{}, b{};
-  const PhotonArrays& p = tree.photons();
   const std::uint32_t room = tree.blocks_in_32_bits();
   if (room == 0) {
-    for_each_block<V>(tree, lanes, [&](std::size_t first) {
-      const auto mask = lanes.photons(tree, first);
-      sum.count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
-      V::add_steps(r, mask, V::load(&p.r[first]));
-      V::add_steps(g, mask, V::load(&p.g[first]));
-      V::add_steps(b, mask, V::load(&p.b[first]));
+    for_each_block<V>(tree, lanes, [&](std::size_t block) {
+      const auto mask = lanes.photons(tree, block);
+      const PhotonTree::Block& p = tree.blocks()[block];
+      count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
+      V::add_steps(r, mask, V::load(p.r.data()));
+      V::add_steps(g, mask, V::load(p.g.data()));
+      V::add_steps(b, mask, V::load(p.b.data()));
     });
   } else {
     typename V::Narrow narrow_r = V::no_steps(), narrow_g = V::no_steps(), narrow_b = V::no_steps();
@@ -129,14 +174,13 @@ FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
       narrow_r = narrow_g = narrow_b = V::no_steps();
     };
     std::uint32_t left = room;
-    for_each_block<V>(tree, lanes, [&](std::size_t first) {
-      const auto mask = lanes.photons(tree, first);
-      const std::uint32_t bits = V::bits(mask);
-      if (bits == 0) return;
-      sum.count += static_cast<std::uint32_t>(std::popcount(bits));
-      V::add_narrow(narrow_r, mask, V::load(&p.r[first]));
-      V::add_narrow(narrow_g, mask, V::load(&p.g[first]));
-      V::add_narrow(narrow_b, mask, V::load(&p.b[first]));
+    for_each_block<V>(tree, lanes, [&](std::size_t block) {
+      const auto mask = lanes.photons(tree, block);
+      const PhotonTree::Block& p = tree.blocks()[block];
+      count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
+      V::add_narrow(narrow_r, mask, V::load(p.r.data()));
+      V::add_narrow(narrow_g, mask, V::load(p.g.data()));
+      V::add_narrow(narrow_b, mask, V::load(p.b.data()));
       if (--left == 0) {
         empty();
         left = room;
@@ -144,16 +188,16 @@ FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
     });
     empty();
   }
-  sum.steps = {V::total(r), V::total(g), V::total(b)};
-  return sum;
+  return {count, {V::total(r), V::total(g), V::total(b)}};
 }
 
 template <typename V>
 void collect_photons(const PhotonTree& tree, const DiscQuery& query, std::vector<std::uint32_t>& indices) {
   QueryLanes<V> lanes(query);
-  for_each_block<V>(tree, lanes, [&](std::size_t first) {
-    for (std::uint32_t bits = V::bits(lanes.photons(tree, first)); bits != 0; bits &= bits - 1) {
-      indices.push_back(static_cast<std::uint32_t>(first) + static_cast<std::uint32_t>(std::countr_zero(bits)));
+  for_each_block<V>(tree, lanes, [&](std::size_t block) {
+    const auto first = static_cast<std::uint32_t>(block * PhotonTree::kWidth);
+    for (std::uint32_t bits = V::bits(lanes.photons(tree, block)); bits != 0; bits &= bits - 1) {
+      indices.push_back(first + static_cast<std::uint32_t>(std::countr_zero(bits)));
     }
   });
 }

@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "common/math/philox.h"
+#include "worker/bsdf/lambert.h"
 #include "worker/photon/photon_tree.h"
 #include "worker/scene/medium_stack.h"
 
@@ -27,6 +28,29 @@ struct PhotonTracer::Walk {
   MediumStack media;
   int bounce = 0;
   bool specular_only = true;  ///< no diffuse bounce yet
+
+  /// Whether the photon goes on after a bounce of this weight; its flux is then what goes on. Russian roulette on the largest
+  /// channel keeps photons whole [Jensen 2001, 5.2.4].
+  [[gnu::always_inline]] bool survives(const Rgb& weight) {
+    const Rgb left = flux * weight;
+    const float survival = std::min(1.0f, max_component(left) / max_component(flux));
+    if (!(survival > 0.0f)) return false;
+    if (survival < 1.0f) {
+      if (rng.next1() >= survival) return false;
+      flux = left / survival;
+    } else {
+      flux = left;
+    }
+    return true;
+  }
+  /// Sets `ray` to what leaves `point` towards `wi`; false when that is one bounce too many.
+  [[gnu::always_inline]] bool follow(const SurfacePoint& point, const Vec3f& wi, int max_depth, Ray& ray) {
+    position = point.position;
+    ray.origin = offset_past(point, wi);
+    ray.direction = wi;
+    ++bounce;
+    return max_depth == 0 || bounce < max_depth;
+  }
 };
 
 PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
@@ -35,22 +59,29 @@ PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
       flux_unit_(static_cast<double>(average(scene.lights().total_flux())) / options.paths),
       emitted_scale_(static_cast<float>(1.0 / (flux_unit_ * options.paths))) {}
 
-void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng,
-                         const Vec3f& ns, PhotonBatch& batch) const {
+/// Photons of some paths, a record each.
+struct PhotonTracer::Part {
+  std::array<std::vector<Photon>, kFlows> flows;
+  std::uint64_t rays = 0;
+  Faults faults;
+};
+
+void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns,
+                         Part& part) const {
   Rgb flux = walk.flux;
   const float geometric = dot(wo, ng);
   const float shading = dot(wo, ns);
   if (geometric <= 0.0f || shading <= 0.0f) return;
   if (shading != geometric) flux *= shading / geometric;
   if (!is_finite(flux)) {
-    ++batch.faults.not_finite;
+    ++part.faults.not_finite;
     return;
   }
   if (max_component(flux) > kMaxPhotonFlux) {
-    ++batch.faults.overflow;
+    ++part.faults.overflow;
     return;
   }
-  batch.flows[walk.specular_only ? kCaustic : kIndirect].push(point.position, flux, wo, ng);
+  part.flows[walk.specular_only ? kCaustic : kIndirect].push_back(make_photon(point.position, flux, wo, ng));
 }
 
 bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const {
@@ -60,7 +91,7 @@ bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, 
   const auto picked = scene_.lights().emit(u_light, u_position, walk.rng.next2());
   if (!picked) return false;
   ray = {picked->emission.origin, picked->emission.direction};
-  walk.position = picked->emission.origin;
+  walk.position = picked->emission.origin;  // of a lamp inside a medium set exactly below
   walk.flux = picked->emission.flux * emitted_scale_;
   walk.bounce = 0;
   walk.specular_only = true;
@@ -68,7 +99,9 @@ bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, 
   if (picked->triangle >= 0) {
     const auto index = static_cast<std::uint32_t>(picked->triangle);
     walk.flux *= scene_.emission_ratio(index, picked->barycentric);
-    walk.media = MediumStack(scene_.media_of_emitter(index));
+    const std::span<const int> media = scene_.media_of_emitter(index);
+    if (media.empty()) return max_component(walk.flux) > 0.0f;
+    walk.media = MediumStack(media);
     const EmissiveTriangle& lamp = scene_.lights().triangle(index);
     const Vec2f& b = picked->barycentric;
     walk.position = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
@@ -78,14 +111,19 @@ bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, 
   return max_component(walk.flux) > 0.0f;
 }
 
-bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, PhotonBatch& batch) const {
+bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const {
   if (!walk.media.empty())
     walk.flux *= walk.media.transmittance(scene_, length(point.position - walk.position));
+  const Rgb* albedo = scene_.plain_lambert(point.material);
+  return albedo != nullptr ? scatter_lambert(walk, point, *albedo, ray, part) : scatter_any(walk, point, ray, part);
+}
+
+bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const {
   const Vec3f wo = -ray.direction;
   const bool entering = dot(wo, point.ng) > 0.0f;
   const Bsdf bsdf(scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering)), wo);
   if (bsdf.is_black()) return false;
-  if (walk.bounce > 0 && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), batch);
+  if (walk.bounce > 0 && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), part);
 
   const float u_lobe = walk.rng.next1();
   const auto sample = bsdf.sample(wo, u_lobe, walk.rng.next2(), Transport::kFlux);
@@ -95,26 +133,27 @@ bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Phot
       (sample->specularity < 1.0f && walk.rng.next1() >= sample->specularity)) {
     walk.specular_only = false;
   }
-  // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
-  const Rgb flux = walk.flux * sample->weight;
-  const float survival = std::min(1.0f, max_component(flux) / max_component(walk.flux));
-  if (!(survival > 0.0f)) return false;
-  if (survival < 1.0f) {
-    if (walk.rng.next1() >= survival) return false;
-    walk.flux = flux / survival;
-  } else {
-    walk.flux = flux;
-  }
+  if (!walk.survives(sample->weight)) return false;
   if (sample->refracted) walk.media.cross(point.material, entering);
-  walk.position = point.position;
-  ray = {offset_past(point, sample->wi), sample->wi};
-  ++walk.bounce;
-  return options_.max_depth == 0 || walk.bounce < options_.max_depth;
+  return walk.follow(point, sample->wi, options_.max_depth, ray);
+}
+
+/// The same as scatter_any(), number for number, for the surfaces of most hits.
+bool PhotonTracer::scatter_lambert(Walk& walk, const SurfacePoint& point, const Rgb& albedo, Ray& ray, Part& part) const {
+  const Vec3f wo = -ray.direction;
+  const LambertSurface surface(point.ng, point.ns, wo);
+  if (!surface.seen() || is_zero(albedo)) return false;
+  if (walk.bounce > 0) store(walk, point, wo, surface.ng(), surface.ns(), part);
+  static_cast<void>(walk.rng.next1());  // the choice of a lobe
+  const LambertSample sample = surface.sample_flux(albedo, walk.rng.next2());
+  if (!sample.valid) return false;
+  walk.specular_only = false;
+  return walk.survives(sample.weight) && walk.follow(point, sample.wi, options_.max_depth, ray);
 }
 
 template <typename Watch>
-void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end,
-                               PhotonBatch& batch, Watch&& watch) const {
+void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part,
+                               Watch&& watch) const {
   // Several photons take turns, a bounce each: what one waits for in memory the next have already asked for.
   constexpr std::size_t kLanes = 32;
   std::vector<Walk> walks(kLanes);
@@ -132,10 +171,10 @@ void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std:
   while (alive > 0) {
     const std::span<const Ray> shot(rays.data(), alive);
     watch(shot);
-    batch.rays += alive;
+    part.rays += alive;
     scene_.intersect(shot, points);
     for (std::size_t lane = alive; lane-- > 0;) {
-      if (points[lane] && scatter(walks[lane], *points[lane], rays[lane], batch)) continue;
+      if (points[lane] && scatter(walks[lane], *points[lane], rays[lane], part)) continue;
       if (start(lane)) continue;
       // No path is left to start: the last lane, already done with this turn, moves here.
       --alive;
@@ -149,26 +188,26 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
   PhotonBatch all;
   if (flux_unit_ <= 0.0) return all;
   const std::uint32_t chunks = (options_.paths + kChunk - 1) / kChunk;
-  std::vector<PhotonBatch> parts(chunks);
+  std::vector<Part> parts(chunks);
   tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
     const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
     trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](std::span<const Ray>) {});
   });
   for (std::size_t flow = 0; flow < kFlows; ++flow) {
-    PhotonArrays& joined = all.flows[flow];
+    std::vector<std::size_t> starts(chunks);
     std::size_t count = 0;
-    for (const PhotonBatch& part : parts) count += part.flows[flow].size();
-    joined.for_each_field([&](auto field) {
-      auto& values = joined.*field;
-      values.reserve(count + PhotonTree::kWidth);
-      for (PhotonBatch& part : parts) {
-        auto& from = part.flows[flow].*field;
-        values.insert(values.end(), from.begin(), from.end());
-        from = {};
-      }
+    for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) {
+      starts[chunk] = count;
+      count += parts[chunk].flows[flow].size();
+    }
+    all.flows[flow].resize(count);
+    tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
+      std::vector<Photon>& photons = parts[chunk].flows[flow];
+      for (std::size_t i = 0; i < photons.size(); ++i) all.flows[flow].set(starts[chunk] + i, photons[i]);
+      photons = {};
     });
   }
-  for (const PhotonBatch& part : parts) {
+  for (const Part& part : parts) {
     all.rays += part.rays;
     all.faults += part.faults;
   }
@@ -178,8 +217,8 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
 std::vector<Ray> PhotonTracer::rays_of(std::uint64_t sub_pass) const {
   std::vector<Ray> all;
   for (std::uint32_t first = 0; first < options_.paths; first += kChunk) {
-    PhotonBatch batch;
-    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), batch,
+    Part part;
+    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part,
                 [&](std::span<const Ray> rays) { all.insert(all.end(), rays.begin(), rays.end()); });
   }
   return all;

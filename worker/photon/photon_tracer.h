@@ -42,17 +42,18 @@ class PhotonTracer {
 
  private:
   struct Walk;
-  /// Paths [first, end), appended to `batch`; `watch` is called with all rays about to be shot.
+  struct Part;
+  /// Paths [first, end), appended to `part`; `watch` is called with all rays about to be shot.
   template <typename Watch>
-  void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, PhotonBatch& batch,
-                   Watch&& watch) const;
+  void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part, Watch&& watch) const;
   /// Emits a photon; false when its path carries nothing.
   bool emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const;
   /// Stores the photon at the point that `ray` met and sets `ray` to where it goes on; false when it ends
   /// there.
-  bool scatter(Walk& walk, const SurfacePoint& point, Ray& ray, PhotonBatch& batch) const;
-  void store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns,
-             PhotonBatch& batch) const;
+  bool scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
+  bool scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
+  bool scatter_lambert(Walk& walk, const SurfacePoint& point, const Rgb& albedo, Ray& ray, Part& part) const;
+  void store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns, Part& part) const;
 
   const Scene& scene_;
   PhotonOptions options_;

@@ -36,11 +36,21 @@ struct FluxSum {
   std::array<std::int64_t, 3> steps{};
 };
 
-/// Photons in Morton order under an implicit 16-ary tree of boxes: blocks of 16 photons, 16 blocks a node and so on. It has no
-/// cell size, so that radii may differ by any factor, and its blocks are what vector instructions take at once.
+/// Photons along a Hilbert curve under an implicit 16-ary tree of boxes: blocks of 16 photons, 16 blocks a node and so on. It
+/// has no cell size, so that radii may differ by any factor, and its blocks are what vector instructions take at once.
 class PhotonTree {
  public:
   static constexpr std::size_t kWidth = 16;
+
+  /// Photons side by side, each field a vector register on cache lines of its own.
+  struct alignas(64) Block {
+    std::array<float, kWidth> x, y, z, r, g, b;
+    std::array<std::uint32_t, kWidth> direction, normal;
+  };
+  /// Boxes side by side, by axis.
+  struct alignas(64) Node {
+    std::array<std::array<float, kWidth>, 3> lower, upper;
+  };
 
   PhotonTree() = default;
   /// Sorts the photons (in parallel); takes them over.
@@ -54,33 +64,35 @@ class PhotonTree {
   /// Appends the indices of the accepted photons, ascending.
   void collect(const DiscQuery& query, std::vector<std::uint32_t>& indices) const;
 
-  [[nodiscard]] Rgb flux(std::size_t i) const { return {photons_.r[i], photons_.g[i], photons_.b[i]}; }
-  [[nodiscard]] Vec3f towards_light(std::size_t i) const { return unpack_direction(photons_.direction[i]); }
-  [[nodiscard]] Vec3f position(std::size_t i) const { return {photons_.x[i], photons_.y[i], photons_.z[i]}; }
+  [[nodiscard]] Rgb flux(std::size_t i) const { return {at(&Block::r, i), at(&Block::g, i), at(&Block::b, i)}; }
+  [[nodiscard]] Vec3f towards_light(std::size_t i) const { return unpack_direction(at(&Block::direction, i)); }
+  [[nodiscard]] Vec3f position(std::size_t i) const { return {at(&Block::x, i), at(&Block::y, i), at(&Block::z, i)}; }
 
   /// Vector code in use, and a way for tests and benches to compare: results are the same to the bit.
   enum class Isa { kAvx2, kAvx512 };
   [[nodiscard]] static Isa best_isa();
   void use_isa(Isa isa) { isa_ = isa; }
 
-  /// Boxes of one level, one array a bound, padded to whole nodes with boxes that nothing meets.
-  struct Level {
-    std::array<std::vector<float>, 3> lower, upper;
-  };
-  [[nodiscard]] const std::vector<Level>& levels() const { return levels_; }
-  [[nodiscard]] const PhotonArrays& photons() const { return photons_; }
-  /// Packed normal of all photons of the block at `first`, or kMixedNormals.
-  [[nodiscard]] std::uint32_t block_normal(std::size_t first) const { return block_normals_[first / kWidth]; }
+  /// Nodes of each level, from the boxes of the blocks up; the last has one node. Unused boxes are such that nothing meets them.
+  [[nodiscard]] const std::vector<std::vector<Node>>& levels() const { return levels_; }
+  [[nodiscard]] const std::vector<Block>& blocks() const { return blocks_; }
+  /// Packed normal of all photons of a block, or kMixedNormals.
+  [[nodiscard]] std::uint32_t block_normal(std::size_t block) const { return block_normals_[block]; }
   static constexpr std::uint32_t kMixedNormals = ~0u;   ///< packed ones have 24 bits
   /// Steps of one photon from each of so many blocks sum up in 32 bits, whichever they are; 0: one photon may need more.
   [[nodiscard]] std::uint32_t blocks_in_32_bits() const { return blocks_in_32_bits_; }
 
  private:
+  template <typename T>
+  [[nodiscard]] T at(std::array<T, kWidth> Block::*field, std::size_t i) const {
+    return (blocks_[i / kWidth].*field)[i % kWidth];
+  }
+  void fill_blocks(const PhotonArrays& photons);
   void build_levels();
   void summarise_blocks();
 
-  PhotonArrays photons_;          ///< padded to whole blocks with photons infinitely far away
-  std::vector<Level> levels_;     ///< [0]: boxes of the blocks; the last has at most kWidth boxes
+  std::vector<Block> blocks_;     ///< the last one padded with photons infinitely far away
+  std::vector<std::vector<Node>> levels_;
   std::vector<std::uint32_t> block_normals_;
   std::uint32_t blocks_in_32_bits_ = 0;
   std::size_t count_ = 0;

@@ -12,10 +12,6 @@ namespace pf {
 
 /// Embree behind Scene: one top-level scene whose geometry ids are placement indices.
 struct Scene::Embree {
-  struct Hit {
-    float t, b1, b2;
-    std::uint32_t placement, primitive;
-  };
   struct DeviceRelease {
     void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
   };

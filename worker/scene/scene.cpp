@@ -49,64 +49,80 @@ float roulette_from_ray(const Vec3f& origin, const Vec3f& direction, std::uint32
 
 Scene::~Scene() = default;
 
-SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const {
-  SurfacePoint point;
-  find_surface_point(placement, primitive, b1, b2, point);
-  return point;
+Scene::Triangle Scene::make_triangle(const std::array<Vec3f, 3>& corners) {
+  const auto& [p0, p1, p2] = corners;
+  return {corners, triangle_normal(p0, p1, p2), std::max(max_magnitude(p0), std::max(max_magnitude(p1), max_magnitude(p2)))};
 }
 
-void Scene::find_surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2,
-                               SurfacePoint& point) const {
-  const Placement& placed = placements_[placement];
-  const Corners& corners = corners_[placed.mesh];
-  auto [p0, p1, p2] = corners.positions[primitive];
+SurfacePoint Scene::point_on(const Placement& placed, const Triangles& triangles, const Hit& hit) {
+  const Triangle* triangle = &triangles.flat[hit.primitive];
+  Triangle in_world;
   if (placed.instanced) {
-    p0 = p0 * placed.object_to_world;
-    p1 = p1 * placed.object_to_world;
-    p2 = p2 * placed.object_to_world;
+    const auto& [p0, p1, p2] = triangle->corners;
+    const Matrix44f& m = placed.object_to_world;
+    in_world = make_triangle({p0 * m, p1 * m, p2 * m});
+    if (placed.mirrored) in_world.ng = -in_world.ng;
+    triangle = &in_world;
   }
-  point.position = interpolate(p0, p1, p2, b1, b2);
-  point.extent = std::max(max_magnitude(p0), std::max(max_magnitude(p1), max_magnitude(p2)));
-  point.ng = triangle_normal(p0, p1, p2);
-  if (placed.mirrored) point.ng = -point.ng;
-  point.ns = point.ng;
-  if (!corners.normals.empty()) {
-    const auto& [n0, n1, n2] = corners.normals[primitive];
-    Vec3f ns = interpolate(n0, n1, n2, b1, b2);
-    if (placed.instanced) placed.normal_to_world.multDirMatrix(ns, ns);
-    const float squared = length2(ns);
-    if (squared > 0.0f) point.ns = ns * ((dot(ns, point.ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared));
+  const Vec3f ng = triangle->ng;
+  Vec3f ns = ng;
+  if (!triangles.normals.empty()) {
+    const auto& [n0, n1, n2] = triangles.normals[hit.primitive];
+    Vec3f n = interpolate(n0, n1, n2, hit.b1, hit.b2);
+    if (placed.instanced) placed.normal_to_world.multDirMatrix(n, n);
+    const float squared = length2(n);
+    if (squared > 0.0f) ns = n * ((dot(n, ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared));
   }
-  point.placement = placement;
-  point.primitive = primitive;
-  point.b1 = b1;
-  point.b2 = b2;
-  point.material = placed.material;
+  const auto& [p0, p1, p2] = triangle->corners;
+  return {.position = interpolate(p0, p1, p2, hit.b1, hit.b2),
+          .ng = ng,
+          .ns = ns,
+          .t = hit.t,
+          .placement = hit.placement,
+          .primitive = hit.primitive,
+          .b1 = hit.b1,
+          .b2 = hit.b2,
+          .extent = triangle->extent,
+          .material = placed.material};
+}
+
+SurfacePoint Scene::surface_point(std::uint32_t placement, std::uint32_t primitive, float b1, float b2) const {
+  const Placement& placed = placements_[placement];
+  return point_on(placed, triangles_[placed.mesh], {0.0f, b1, b2, placement, primitive});
 }
 
 std::optional<SurfacePoint> Scene::intersect(const Ray& ray) const {
   const auto hit = embree_->intersect(ray.origin, ray.direction, ray.t_max);
   if (!hit) return std::nullopt;
-  SurfacePoint point = surface_point(hit->placement, hit->primitive, hit->b1, hit->b2);
-  point.t = hit->t;
-  return point;
+  const Placement& placed = placements_[hit->placement];
+  return point_on(placed, triangles_[placed.mesh], *hit);
 }
 
 void Scene::intersect(std::span<const Ray> rays, std::span<std::optional<SurfacePoint>> points) const {
+  struct Met {
+    const Placement* placed;
+    const Triangles* triangles;
+    std::uint32_t placement;
+  };
+  std::array<Met, Embree::kPacket> met;
   for (std::size_t first = 0; first < rays.size(); first += Embree::kPacket) {
     const std::size_t count = std::min(Embree::kPacket, rays.size() - first);
     const RTCRayHit8 packet = embree_->intersect(rays.subspan(first, count));
     for (std::size_t i = 0; i < count; ++i) {
       if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-      corners_[placements_[Embree::placement_of(packet.hit, i)].mesh].prefetch(packet.hit.primID[i]);
+      const std::uint32_t placement = Embree::placement_of(packet.hit, i);
+      const Placement& placed = placements_[placement];
+      met[i] = {&placed, &triangles_[placed.mesh], placement};
+      met[i].triangles->prefetch(packet.hit.primID[i]);
     }
     for (std::size_t i = 0; i < count; ++i) {
       std::optional<SurfacePoint>& point = points[first + i];
-      point.reset();
-      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-      find_surface_point(Embree::placement_of(packet.hit, i), packet.hit.primID[i], packet.hit.u[i], packet.hit.v[i],
-                         point.emplace());
-      point->t = packet.ray.tfar[i];
+      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) {
+        point.reset();
+        continue;
+      }
+      point = point_on(*met[i].placed, *met[i].triangles,
+                       {packet.ray.tfar[i], packet.hit.u[i], packet.hit.v[i], met[i].placement, packet.hit.primID[i]});
     }
   }
 }
@@ -215,7 +231,7 @@ Rgb Scene::emitted_by_triangle(std::uint32_t index, const Vec2f& barycentric) co
   return radiance_of(surface_point(triangle.geometry, triangle.primitive, barycentric.x, barycentric.y));
 }
 
-Rgb Scene::emission_ratio(std::uint32_t index, const Vec2f& barycentric) const {
+Rgb Scene::find_emission_ratio(std::uint32_t index, const Vec2f& barycentric) const {
   const EmissiveTriangle& triangle = lights_->triangle(index);
   const int material = description_.meshes[placements_[triangle.geometry].mesh].material;
   if (!traits_[material].emission_varies) return {1.0f, 1.0f, 1.0f};
@@ -270,10 +286,6 @@ std::vector<int> Scene::media_around(const Vec3f& position) const {
     ray.origin = offset_past(*point, direction);
   }
   return inside;
-}
-
-Vec3f offset_past(const SurfacePoint& point, const Vec3f& direction) {
-  return offset_ray_origin(point.position, point.ng, direction, point.extent);
 }
 
 }  // namespace pf

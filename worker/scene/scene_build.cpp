@@ -48,7 +48,7 @@ Result<std::unique_ptr<const Scene>> Scene::build(SceneDescription description) 
   if (!textures) return tl::unexpected(textures.error());
   scene->textures_ = std::make_unique<TextureStore>(std::move(*textures));
   scene->bake_single_placements();
-  scene->gather_corners();
+  scene->gather_triangles();
   scene->find_material_traits();
   if (auto built = scene->build_embree(); !built) return tl::unexpected(built.error());
 
@@ -104,17 +104,19 @@ void Scene::bake_single_placements() {
   }
 }
 
-void Scene::gather_corners() {
-  corners_.resize(description_.meshes.size());
-  tbb::parallel_for(std::size_t{0}, corners_.size(), [&](std::size_t m) {
+void Scene::gather_triangles() {
+  triangles_.resize(description_.meshes.size());
+  tbb::parallel_for(std::size_t{0}, triangles_.size(), [&](std::size_t m) {
     const Mesh& mesh = description_.meshes[m];
-    const auto gather = [&](const std::vector<Vec3f>& values, std::vector<std::array<Vec3f, 3>>& corners) {
-      if (values.empty()) return;
-      corners.reserve(mesh.triangles.size());
-      for (const auto& t : mesh.triangles) corners.push_back({values[t[0]], values[t[1]], values[t[2]]});
+    Triangles& gathered = triangles_[m];
+    const auto corners = [](const std::vector<Vec3f>& values, const std::array<std::uint32_t, 3>& t) {
+      return std::array<Vec3f, 3>{values[t[0]], values[t[1]], values[t[2]]};
     };
-    gather(mesh.positions, corners_[m].positions);
-    gather(mesh.normals, corners_[m].normals);
+    gathered.flat.reserve(mesh.triangles.size());
+    for (const auto& t : mesh.triangles) gathered.flat.push_back(make_triangle(corners(mesh.positions, t)));
+    if (mesh.normals.empty()) return;
+    gathered.normals.reserve(mesh.triangles.size());
+    for (const auto& t : mesh.triangles) gathered.normals.push_back(corners(mesh.normals, t));
   });
 }
 
@@ -170,7 +172,7 @@ Result<void> Scene::build_embree() {
     rtcReleaseGeometry(geometry);
   }
   rtcCommitScene(embree_->top.get());
-  for (Mesh& mesh : description_.meshes) {  // both live on in corners_, and the positions in Embree
+  for (Mesh& mesh : description_.meshes) {  // both live on in triangles_, and the positions in Embree
     mesh.positions = {};
     mesh.normals = {};
   }
@@ -213,6 +215,10 @@ void Scene::find_material_traits() {
     p.sheen_color = m.sheen_color;
     p.sheen_roughness = m.sheen_roughness;
     p.scatters = !m.unlit;
+    if (const auto albedo = plain_lambert_albedo(p); albedo && !traits.textured) {
+      traits.plain_lambert = true;
+      traits.lambert_albedo = *albedo;
+    }
     traits_.push_back(traits);
   }
 }
@@ -227,6 +233,7 @@ void Scene::find_lights() {
     placed.first_emissive = static_cast<std::int32_t>(emitters.size());
     bool& varies = traits_[mesh.material].emission_varies;
     varies = varies || (m.unlit ? m.base_color_texture.present() || !mesh.colors.empty() : m.emission_texture.present());
+    any_emission_varies_ = any_emission_varies_ || varies;
     for (std::uint32_t primitive = 0; primitive < mesh.triangles.size(); ++primitive) {
       EmissiveTriangle emitter;
       emitter.radiance = {0.0f, 0.0f, 0.0f};
