@@ -1,132 +1,26 @@
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <memory>
-#include <optional>
-#include <system_error>
-#include <tuple>
+#include <exception>
+#include <filesystem>
+#include <new>
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
-#include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <OpenEXR/ImfTileDescription.h>
 #include <fmt/format.h>
 
-#include "common/base/atomic_file.h"
 #include "common/film/image.h"
 
 namespace pf {
 namespace {
 
-constexpr std::string_view kAttributePrefix = "photonfarm:";
 /// Rows decoded at a time: the largest chunk of any compression (DWAB), so that none is decoded twice.
 constexpr int kRowsAtOnce = 256;
-
-// ---------------------------------------------------------------------------------------------- writing
-
-/// OpenEXR's own file stream cannot tell of an error in the last step: OutputFile's destructor writes the
-/// table of line offsets and drops exceptions. This stream remembers that something failed.
-class CheckedOutput final : public Imf::OStream {
- public:
-  explicit CheckedOutput(const std::filesystem::path& file)
-      : OStream(file.c_str()), stream_(std::fopen(file.c_str(), "wb")) {
-    if (!stream_) note_failure();
-  }
-  void write(const char bytes[], int count) override {
-    if (failed() || std::fwrite(bytes, 1, static_cast<std::size_t>(count), stream_.get()) !=
-                        static_cast<std::size_t>(count)) {
-      raise();
-    }
-  }
-  std::uint64_t tellp() override {
-    // Never throws: OutputFile's destructor asks for the position outside its try block.
-    const long position = failed() ? -1 : std::ftell(stream_.get());
-    if (position < 0) note_failure();
-    return position < 0 ? 0 : static_cast<std::uint64_t>(position);
-  }
-  void seekp(std::uint64_t position) override {
-    if (failed() || std::fseek(stream_.get(), static_cast<long>(position), SEEK_SET) != 0) raise();
-  }
-  /// Flushes and closes; the reason of the first failure since opening, if any.
-  [[nodiscard]] std::optional<std::string> close() {
-    if (stream_ && std::fclose(stream_.release()) != 0) note_failure();
-    return failure_;
-  }
-
- private:
-  struct Closer {
-    void operator()(std::FILE* stream) const { std::ignore = std::fclose(stream); }
-  };
-  [[nodiscard]] bool failed() const { return failure_.has_value(); }
-  void note_failure() {
-    if (!failure_) failure_ = std::generic_category().message(errno);
-  }
-  [[noreturn]] void raise() {
-    note_failure();
-    throw std::runtime_error(*failure_);
-  }
-
-  std::unique_ptr<std::FILE, Closer> stream_;
-  std::optional<std::string> failure_;
-};
-
-[[nodiscard]] std::string channel_name(const Layer& layer, const std::string& channel) {
-  return layer.name.empty() ? channel : layer.name + "." + channel;
-}
-
-[[nodiscard]] Result<void> check_writable(const LayeredImage& image) {
-  if (image.width <= 0 || image.height <= 0) {
-    return fail(ErrorKind::kInternal, fmt::format("an image of {}x{} pixels", image.width, image.height));
-  }
-  Imf::ChannelList names;
-  for (const Layer& layer : image.layers) {
-    const std::size_t expected = layer.channels.size() * image.width * image.height;
-    if (layer.channels.empty() || layer.data.size() != expected) {
-      return fail(ErrorKind::kInternal,
-                  fmt::format("layer '{}' has {} channels and {} floats; expected {} floats", layer.name,
-                              layer.channels.size(), layer.data.size(), expected));
-    }
-    for (const std::string& channel : layer.channels) {
-      const std::string name = channel_name(layer, channel);
-      if (name.empty() || names.findChannel(name) != nullptr) {
-        return fail(ErrorKind::kInternal, fmt::format("channel '{}' twice or without a name", name));
-      }
-      names.insert(name, Imf::Channel(Imf::FLOAT));
-    }
-  }
-  if (image.layers.empty()) return fail(ErrorKind::kInternal, "an image without layers");
-  return {};
-}
-
-void write_pixels(Imf::OStream& stream, const LayeredImage& image) {
-  Imf::Header header(image.width, image.height);
-  header.compression() = Imf::ZIP_COMPRESSION;
-  for (const auto& [key, value] : image.metadata) {
-    header.insert(std::string(kAttributePrefix) + key, Imf::StringAttribute(value));
-  }
-  Imf::FrameBuffer frame;
-  for (const Layer& layer : image.layers) {
-    const std::size_t stride = layer.channels.size() * sizeof(float);
-    for (std::size_t i = 0; i < layer.channels.size(); ++i) {
-      const std::string name = channel_name(layer, layer.channels[i]);
-      header.channels().insert(name, Imf::Channel(Imf::FLOAT));
-      frame.insert(name, Imf::Slice::Make(Imf::FLOAT, layer.data.data() + i, {0, 0}, image.width,
-                                          image.height, stride, stride * image.width));
-    }
-  }
-  Imf::OutputFile output(stream, header, 0);
-  output.setFrameBuffer(frame);
-  output.writePixels(image.height);
-}
-
-// ---------------------------------------------------------------------------------------------- reading
 
 [[nodiscard]] tl::unexpected<Error> unreadable(const std::string& what) {
   return fail(ErrorKind::kInvalidInput, what);
@@ -334,8 +228,8 @@ void allocate(LayeredImage& image) {
   for (auto it = header.begin(); it != header.end(); ++it) {
     const auto* text = dynamic_cast<const Imf::StringAttribute*>(&it.attribute());
     const std::string_view name = it.name();
-    if (text == nullptr || !name.starts_with(kAttributePrefix)) continue;
-    image.metadata.emplace(name.substr(kAttributePrefix.size()), text->value());
+    if (text == nullptr || !name.starts_with(kExrAttributePrefix)) continue;
+    image.metadata.emplace(name.substr(kExrAttributePrefix.size()), text->value());
   }
   if (has_chroma(header.channels()) || is_subsampled(header.channels()))
     return read_chroma(file, std::move(image));
@@ -343,24 +237,6 @@ void allocate(LayeredImage& image) {
 }
 
 }  // namespace
-
-Result<void> write_exr(const std::filesystem::path& file, const LayeredImage& image) {
-  if (auto ok = check_writable(image); !ok) {
-    return fail(ErrorKind::kInternal, fmt::format("{}: {}", file.string(), ok.error().message));
-  }
-  return write_file_atomically(file, [&](const std::filesystem::path& temporary) -> Result<void> {
-    CheckedOutput output(temporary);
-    std::string failure;
-    try {
-      write_pixels(output, image);
-    } catch (const std::exception& error) {
-      failure = error.what();
-    }
-    if (const auto closing = output.close()) failure = *closing;
-    if (failure.empty()) return {};
-    return fail(ErrorKind::kInternal, fmt::format("{}: EXR not written: {}", file.string(), failure));
-  });
-}
 
 Result<LayeredImage> read_exr(const std::filesystem::path& file) {
   std::string what;

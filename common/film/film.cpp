@@ -58,8 +58,10 @@ Rgb Film::flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) co
           static_cast<float>(state.tau[2] * factor)};
 }
 
-LayeredImage Film::image() const {
-  const std::size_t count = sums_.pixels.size();
+std::vector<Layer> Film::layers(int first_row, int rows) const {
+  const auto width = static_cast<std::size_t>(options_.width);
+  const std::size_t begin = width * static_cast<std::size_t>(first_row);
+  const std::size_t count = width * static_cast<std::size_t>(rows);
   const auto layer = [&](std::string name, std::vector<std::string> channels) {
     Layer l{std::move(name), std::move(channels), {}};
     l.data.resize(count * l.channels.size());
@@ -77,11 +79,12 @@ LayeredImage Film::image() const {
   const bool progressive = options_.estimator != Estimator::kPath;
   const double n = static_cast<double>(std::max<std::uint64_t>(sums_.sub_passes, 1));
   for (std::size_t i = 0; i < count && sums_.sub_passes > 0; ++i) {
-    const PixelSums& sums = sums_.pixels[i];
+    const std::size_t pixel = begin + i;
+    const PixelSums& sums = sums_.pixels[pixel];
     std::array<Rgb, kFlows> flows;
     for (const Flow flow : {kCaustic, kIndirect}) {
-      const FlowState state = progressive ? closed(i, flow) : FlowState{};
-      flows[flow] = flow_radiance(i, flow, state);
+      const FlowState state = progressive ? closed(pixel, flow) : FlowState{};
+      flows[flow] = flow_radiance(pixel, flow, state);
       const bool shared = options_.estimator == Estimator::kShared;
       photons.data[2 * i + flow] = shared ? state.count : static_cast<float>(sums.photons[flow]);
       radius.data[2 * i + flow] = std::sqrt(state.radius2);
@@ -91,7 +94,7 @@ LayeredImage Film::image() const {
     put(caustics.data, i, flows[kCaustic]);
     put(indirect.data, i, flows[kIndirect]);
     put(beauty.data, i, direct_radiance + flows[kCaustic] + flows[kIndirect]);
-    const FeatureSums& met = sums_.features[i];
+    const FeatureSums& met = sums_.features[pixel];
     const double feature = met.samples() > 0 ? 1.0 / met.samples() : 0.0;
     for (std::size_t c = 0; c < 3; ++c) {
       albedo.data[3 * i + c] = static_cast<float>(met.albedo[c] * SumScale::kUnit * feature);
@@ -99,16 +102,19 @@ LayeredImage Film::image() const {
     }
     depth.data[i] = static_cast<float>(met.depth() * options_.scale.depth * feature);
   }
-  LayeredImage image;
-  image.width = options_.width;
-  image.height = options_.height;
-  image.layers = {std::move(beauty), std::move(direct), std::move(caustics), std::move(indirect),
-                  std::move(albedo), std::move(normal), std::move(depth)};
+  std::vector<Layer> all = {std::move(beauty), std::move(direct), std::move(caustics), std::move(indirect),
+                            std::move(albedo), std::move(normal), std::move(depth)};
   if (progressive) {
-    image.layers.push_back(std::move(photons));
-    image.layers.push_back(std::move(radius));
+    all.push_back(std::move(photons));
+    all.push_back(std::move(radius));
   }
-  return image;
+  return all;
+}
+
+LayeredImage Film::image() const { return {options_.width, options_.height, layers(0, options_.height), {}}; }
+
+ImageRows Film::image_rows() const {
+  return {options_.width, options_.height, [this](int first, int count) { return layers(first, count); }, {}};
 }
 
 double Film::estimated_error() const {

@@ -54,6 +54,8 @@ class Film {
 
   /// The image so far. An open round is folded in tentatively: nothing changes.
   [[nodiscard]] LayeredImage image() const;
+  /// The same, made row by row while it is written; the film must outlive it unchanged.
+  [[nodiscard]] ImageRows image_rows() const;
   /// Estimated square root of the mean relative squared error (variance only), as compare's relMSE weighs it.
   [[nodiscard]] double estimated_error() const;
 
@@ -66,6 +68,7 @@ class Film {
 
  private:
   [[nodiscard]] FlowState closed(std::size_t pixel, Flow flow) const;
+  [[nodiscard]] std::vector<Layer> layers(int first_row, int rows) const;
   [[nodiscard]] Rgb flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const;
 
   FilmOptions options_;

@@ -11,6 +11,19 @@ const Layer* LayeredImage::find(const std::string& name) const {
   return it == layers.end() ? nullptr : &*it;
 }
 
+ImageRows rows_of(const LayeredImage& image) {
+  const auto rows = [&image](int first, int count) {
+    std::vector<Layer> block;
+    for (const Layer& layer : image.layers) {
+      const auto row = static_cast<std::ptrdiff_t>(layer.channels.size()) * image.width;
+      const auto begin = layer.data.begin() + row * first;
+      block.push_back({layer.name, layer.channels, {begin, begin + row * count}});
+    }
+    return block;
+  };
+  return {image.width, image.height, rows, image.metadata};
+}
+
 Result<std::vector<Rgb>> rgb_pixels(const Layer& layer) {
   const auto place = [&](const char* channel) {
     return static_cast<std::size_t>(std::ranges::find(layer.channels, channel) - layer.channels.begin());

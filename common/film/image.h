@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -30,6 +32,23 @@ struct LayeredImage {
   [[nodiscard]] const Layer* find(const std::string& name) const;
 };
 
+inline constexpr std::string_view kExrAttributePrefix = "photonfarm:";
+/// Rows that writers ask for at a time: few, because OpenEXR gathers the 16 that it compresses together by itself.
+inline constexpr int kImageRowsAtOnce = 4;
+
+/// An image whose rows are made when they are written, so that it is never whole in memory.
+struct ImageRows {
+  int width = 0;
+  int height = 0;
+  /// The layers of `count` rows from `first` on, beauty first; the same layers for all rows. A writer asks for every row
+  /// once, from the top.
+  std::function<std::vector<Layer>(int first, int count)> rows;
+  std::map<std::string, std::string> metadata;
+};
+
+/// The rows of an image that outlives them.
+[[nodiscard]] ImageRows rows_of(const LayeredImage& image);
+
 /// Largest edge and largest number of floats of an image that read_exr accepts; checked before pixels are
 /// allocated.
 inline constexpr int kMaxImageEdge = 1 << 16;
@@ -37,6 +56,7 @@ inline constexpr std::uint64_t kMaxImageFloats = std::uint64_t{1} << 29;
 
 /// Writes a 32-bit float multi-layer EXR (ZIP) atomically: a crash or a full disk leaves the old file.
 /// Errors: kInternal.
+[[nodiscard]] Result<void> write_exr(const std::filesystem::path& file, const ImageRows& image);
 [[nodiscard]] Result<void> write_exr(const std::filesystem::path& file, const LayeredImage& image);
 /// Reads any scan-line or tiled RGB(A)/layered EXR (first part), display window respected: pixels of the data
 /// window outside the display window are cut, missing ones are 0. Layers come with the beauty first, then by
@@ -49,10 +69,9 @@ inline constexpr std::uint64_t kMaxImageFloats = std::uint64_t{1} << 29;
 /// without the file's name.
 [[nodiscard]] Result<std::vector<Rgb>> rgb_pixels(const Layer& layer);
 
-/// Writes the beauty as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve. Atomic. A
+/// Writes the first layer (beauty) as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve. Atomic. A
 /// pixel with a NaN becomes magenta, so that it is seen. Errors: kInternal.
-[[nodiscard]] Result<void> write_png(const std::filesystem::path& file, int width, int height,
-                                     const std::vector<Rgb>& beauty, float exposure_stops);
+[[nodiscard]] Result<void> write_png(const std::filesystem::path& file, const ImageRows& image, float exposure_stops);
 /// Writes sRGB-encoded bytes, three a pixel, as PNG. Atomic. Errors: kInternal.
 [[nodiscard]] Result<void> write_png(const std::filesystem::path& file, int width, int height,
                                      std::span<const std::uint8_t> rgb);

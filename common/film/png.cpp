@@ -1,8 +1,13 @@
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <csetjmp>
-#include <exception>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <tuple>
 
 #include <fmt/format.h>
 #include <png.h>
@@ -22,8 +27,15 @@ constexpr std::array<std::uint8_t, 3> kNanColor = {255, 0, 255};
   return static_cast<std::uint8_t>(std::lround(255.0f * encoded));
 }
 
+/// Fills one row of sRGB bytes; asked for every row once, from the top. Errors end the writing.
+using FillRow = std::function<Result<void>(int row, std::span<std::uint8_t> rgb)>;
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::ignore = std::fclose(file); }
+};
+
 struct Encoder {
-  std::string bytes;
+  std::FILE* file = nullptr;
   std::string error;
 };
 
@@ -40,20 +52,16 @@ extern "C" {
 }
 void pf_png_warning(png_structp, png_const_charp) {}
 void pf_png_write(png_structp png, png_bytep data, std::size_t size) {
-  bool ok = true;
-  try {
-    static_cast<Encoder*>(png_get_io_ptr(png))->bytes.append(reinterpret_cast<const char*>(data), size);
-  } catch (...) {
-    ok = false;
+  if (std::fwrite(data, 1, size, static_cast<Encoder*>(png_get_io_ptr(png))->file) != size) {
+    png_error(png, std::strerror(errno));
   }
-  if (!ok) png_error(png, "out of memory");
 }
 void pf_png_flush(png_structp) {}
 }
 
-/// The part of the work that libpng may leave by longjmp: only trivial locals live here.
-[[nodiscard]] bool encode(png_structp png, png_infop info, png_uint_32 width, png_uint_32 height,
-                          const std::uint8_t* rgb) {
+// The parts of the work that libpng may leave by longjmp: only trivial locals live here.
+
+[[nodiscard]] bool begin(png_structp png, png_infop info, png_uint_32 width, png_uint_32 height) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
@@ -61,51 +69,115 @@ void pf_png_flush(png_structp) {}
   // others.
   png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_RELATIVE);
   png_write_info(png, info);
-  for (png_uint_32 y = 0; y < height; ++y) png_write_row(png, rgb + std::size_t{3} * width * y);
+  return true;
+}
+
+[[nodiscard]] bool add_row(png_structp png, const std::uint8_t* rgb) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_write_row(png, rgb);
+  return true;
+}
+
+[[nodiscard]] bool end(png_structp png, png_infop info) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_write_end(png, info);
   return true;
+}
+
+/// libpng's two structs, freed whatever happens.
+class PngStructs {
+ public:
+  explicit PngStructs(Encoder& encoder)
+      : png(png_create_write_struct(PNG_LIBPNG_VER_STRING, &encoder, pf_png_error, pf_png_warning)),
+        info(png != nullptr ? png_create_info_struct(png) : nullptr) {
+    if (info != nullptr) png_set_write_fn(png, &encoder, pf_png_write, pf_png_flush);
+  }
+  ~PngStructs() { png_destroy_write_struct(&png, &info); }
+  PngStructs(const PngStructs&) = delete;
+  PngStructs& operator=(const PngStructs&) = delete;
+
+  png_structp png;
+  png_infop info;
+};
+
+[[nodiscard]] Result<void> encode(std::FILE* file, int width, int height, const FillRow& fill) {
+  Encoder encoder{file, {}};
+  PngStructs structs(encoder);
+  const auto failed = [&] {
+    return fail(ErrorKind::kInternal, encoder.error.empty() ? "out of memory" : encoder.error);
+  };
+  if (structs.info == nullptr) return failed();
+  if (!begin(structs.png, structs.info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height))) {
+    return failed();
+  }
+  std::vector<std::uint8_t> rgb(std::size_t{3} * width);
+  for (int y = 0; y < height; ++y) {
+    if (auto filled = fill(y, rgb); !filled) return filled;
+    if (!add_row(structs.png, rgb.data())) return failed();
+  }
+  if (!end(structs.png, structs.info)) return failed();
+  return {};
+}
+
+[[nodiscard]] Result<void> write_rows(const std::filesystem::path& file, int width, int height,
+                                      const FillRow& fill) {
+  const auto unwritten = [&](const std::string& why) {
+    return fail(ErrorKind::kInternal, fmt::format("{}: PNG not written: {}", file.string(), why));
+  };
+  if (width <= 0 || height <= 0) return unwritten(fmt::format("an image of {}x{} pixels", width, height));
+  return write_file_atomically(file, [&](const std::filesystem::path& temporary) -> Result<void> {
+    std::unique_ptr<std::FILE, CloseFile> stream(std::fopen(temporary.c_str(), "wb"));
+    if (!stream) return unwritten(std::strerror(errno));
+    if (const auto encoded = encode(stream.get(), width, height, fill); !encoded) {
+      return unwritten(encoded.error().message);
+    }
+    if (std::fclose(stream.release()) != 0) return unwritten(std::strerror(errno));
+    return {};
+  });
+}
+
+void expose(const Rgb& pixel, float scale, std::uint8_t* rgb) {
+  const Rgb exposed = pixel * scale;
+  if (std::isnan(exposed.x) || std::isnan(exposed.y) || std::isnan(exposed.z)) {
+    std::ranges::copy(kNanColor, rgb);
+    return;
+  }
+  for (const float value : {exposed.x, exposed.y, exposed.z}) *rgb++ = encode_srgb(std::clamp(value, 0.0f, 1.0f));
 }
 
 }  // namespace
 
 Result<void> write_png(const std::filesystem::path& file, int width, int height,
                        std::span<const std::uint8_t> rgb) {
-  if (width <= 0 || height <= 0 || rgb.size() != std::size_t{3} * width * height) {
+  if (width > 0 && height > 0 && rgb.size() != std::size_t{3} * width * height) {
     return fail(ErrorKind::kInternal, fmt::format("{}: {} bytes given for a PNG of {}x{} pixels",
                                                   file.string(), rgb.size(), width, height));
   }
-  Encoder encoder;
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &encoder, pf_png_error, pf_png_warning);
-  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  bool ok = info != nullptr;
-  if (ok) {
-    png_set_write_fn(png, &encoder, pf_png_write, pf_png_flush);
-    ok = encode(png, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height), rgb.data());
-  }
-  png_destroy_write_struct(&png, &info);
-  if (!ok) {
-    return fail(ErrorKind::kInternal, fmt::format("{}: PNG not written: {}", file.string(),
-                                                  encoder.error.empty() ? "out of memory" : encoder.error));
-  }
-  return write_file_atomically(file, std::string_view(encoder.bytes));
+  return write_rows(file, width, height, [&](int y, std::span<std::uint8_t> row) -> Result<void> {
+    std::ranges::copy(rgb.subspan(row.size() * static_cast<std::size_t>(y), row.size()), row.begin());
+    return {};
+  });
 }
 
-Result<void> write_png(const std::filesystem::path& file, int width, int height,
-                       const std::vector<Rgb>& beauty, float exposure_stops) {
+Result<void> write_png(const std::filesystem::path& file, const ImageRows& image, float exposure_stops) {
   const float scale = std::exp2(exposure_stops);
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(3 * beauty.size());
-  for (const Rgb& pixel : beauty) {
-    const Rgb exposed = pixel * scale;
-    if (std::isnan(exposed.x) || std::isnan(exposed.y) || std::isnan(exposed.z)) {
-      rgb.insert(rgb.end(), kNanColor.begin(), kNanColor.end());
-      continue;
+  const auto width = static_cast<std::size_t>(std::max(image.width, 0));
+  std::vector<Rgb> block;
+  return write_rows(file, image.width, image.height, [&](int y, std::span<std::uint8_t> row) -> Result<void> {
+    if (y % kImageRowsAtOnce == 0) {
+      const int count = std::min(kImageRowsAtOnce, image.height - y);
+      const std::vector<Layer> layers = image.rows(y, count);
+      auto beauty = layers.empty() ? fail(ErrorKind::kInternal, "an image without layers") : rgb_pixels(layers.front());
+      if (!beauty) return tl::unexpected(beauty.error());
+      if (beauty->size() != width * static_cast<std::size_t>(count)) {
+        return fail(ErrorKind::kInternal, fmt::format("{} pixels given for {} rows of {}", beauty->size(), count, width));
+      }
+      block = std::move(*beauty);
     }
-    for (const float value : {exposed.x, exposed.y, exposed.z}) {
-      rgb.push_back(encode_srgb(std::clamp(value, 0.0f, 1.0f)));
-    }
-  }
-  return write_png(file, width, height, std::span<const std::uint8_t>(rgb));
+    const std::size_t first = width * static_cast<std::size_t>(y % kImageRowsAtOnce);
+    for (std::size_t x = 0; x < width; ++x) expose(block[first + x], scale, row.data() + 3 * x);
+    return {};
+  });
 }
 
 }  // namespace pf

@@ -15,8 +15,8 @@ Result<void> write_images(const Film& film, const ResultLabels& labels, const st
                           RenderResult& result) {
   const OutputPaths paths(folder, labels.name);
   const Statistics& sums = film.sums();
-  LayeredImage image = film.image();
-  result.image_hash = sha256_hex(std::as_bytes(std::span(image.layers.front().data)));
+  // Row by row: beside the film itself no image is ever in memory.
+  ImageRows image = film.image_rows();
   result.error = film.estimated_error();
   result.passes = sums.sub_passes;
   result.rounds = film.rounds();
@@ -37,10 +37,17 @@ Result<void> write_images(const Film& film, const ResultLabels& labels, const st
                     {"build_id", kBuildId},
                     {"plan", labels.plan},
                     {"spec", labels.spec_json}};
-  if (auto done = write_exr(paths.exr, image); !done) return done;
-  auto beauty = rgb_pixels(image.layers.front());
-  if (!beauty) return tl::unexpected(beauty.error());
-  if (auto done = write_png(paths.png, image.width, image.height, *beauty, labels.exposure); !done) return done;
+  // Hashed on its way into the file: no pixel of an open round is worked out more often than it is written.
+  Sha256 hash;
+  ImageRows hashed = image;
+  hashed.rows = [&](int first, int count) {
+    std::vector<Layer> layers = image.rows(first, count);
+    hash.update(std::as_bytes(std::span(layers.front().data)));
+    return layers;
+  };
+  if (auto done = write_exr(paths.exr, hashed); !done) return done;
+  result.image_hash = hash.hex();
+  if (auto done = write_png(paths.png, image, labels.exposure); !done) return done;
   result.exr = paths.exr;
   result.png = paths.png;
   result.json = paths.json;

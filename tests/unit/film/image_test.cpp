@@ -63,6 +63,20 @@ LayeredImage make_image(int width, int height) {
   return image;
 }
 
+Result<void> write_beauty(const fs::path& file, int width, int height, const std::vector<Rgb>& beauty, float stops) {
+  LayeredImage image{width, height, {{"", {"R", "G", "B"}, {}}}, {}};
+  for (const Rgb& pixel : beauty) image.layers[0].data.insert(image.layers[0].data.end(), {pixel.x, pixel.y, pixel.z});
+  const auto rows = [&](int first, int count) {
+    std::vector<Layer> block = image.layers;
+    const auto begin = std::size_t{3} * width * first;
+    const auto end = std::min(begin + std::size_t{3} * width * count, block[0].data.size());
+    block[0].data.assign(image.layers[0].data.begin() + static_cast<std::ptrdiff_t>(begin),
+                         image.layers[0].data.begin() + static_cast<std::ptrdiff_t>(end));
+    return block;
+  };
+  return write_png(file, {width, height, rows, {}}, stops);
+}
+
 /// Bits, so that NaN equals itself and -0 is not 0.
 void expect_same(const LayeredImage& a, const LayeredImage& b) {
   EXPECT_EQ(a.width, b.width);
@@ -119,7 +133,7 @@ TEST_F(ImageFile, RefusesLayersThatDoNotFit) {
 TEST_F(ImageFile, LeavesTheOldFileWhenTheDiskIsFull) {
   const LayeredImage old = make_image(2, 2);
   ASSERT_TRUE(write_exr(file("a.exr"), old));
-  ASSERT_TRUE(write_png(file("a.png"), 1, 1, {Rgb(1.0f)}, 0.0f));
+  ASSERT_TRUE(write_beauty(file("a.png"), 1, 1, {Rgb(1.0f)}, 0.0f));
   const std::string before = bytes_of(file("a.png"));
   rlimit limits{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &limits), 0);
@@ -133,7 +147,7 @@ TEST_F(ImageFile, LeavesTheOldFileWhenTheDiskIsFull) {
     for (unsigned i = 0; i < 40000; ++i) {
       noise.emplace_back(static_cast<float>(i * i * 2654435761u >> 8) / 16777216.0f, 0.5f, 0.25f);
     }
-    const auto png = write_png(file("a.png"), 200, 200, noise, 0.0f);
+    const auto png = write_beauty(file("a.png"), 200, 200, noise, 0.0f);
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limits), 0);
     ASSERT_FALSE(exr);
     EXPECT_EQ(exr.error().kind, ErrorKind::kInternal);
@@ -254,7 +268,7 @@ Decoded decode(const fs::path& file) {
 
 TEST_F(ImageFile, PngHoldsTheSrgbCurveAndSaysSo) {
   const std::vector<Rgb> beauty = {{0.0f, 0.5f, 1.0f}, {0.002f, 0.18f, 0.25f}};
-  ASSERT_TRUE(write_png(file("a.png"), 1, 2, beauty, 0.0f));
+  ASSERT_TRUE(write_beauty(file("a.png"), 1, 2, beauty, 0.0f));
   const Decoded decoded = decode(file("a.png"));
   EXPECT_EQ(decoded.width, 1);
   EXPECT_EQ(decoded.height, 2);
@@ -265,23 +279,23 @@ TEST_F(ImageFile, PngHoldsTheSrgbCurveAndSaysSo) {
 }
 
 TEST_F(ImageFile, PngAppliesExposureInStops) {
-  ASSERT_TRUE(write_png(file("a.png"), 2, 1, {Rgb(0.125f), Rgb(2.0f)}, 2.0f));
+  ASSERT_TRUE(write_beauty(file("a.png"), 2, 1, {Rgb(0.125f), Rgb(2.0f)}, 2.0f));
   EXPECT_EQ(decode(file("a.png")).rgb, (std::vector<std::uint8_t>{188, 188, 188, 255, 255, 255}));
 }
 
 TEST_F(ImageFile, PngShowsNanInMagentaAndClampsTheRest) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
-  ASSERT_TRUE(write_png(file("a.png"), 4, 1,
+  ASSERT_TRUE(write_beauty(file("a.png"), 4, 1,
                         {{nan, 0, 0}, {inf, -inf, -1}, {0, 0, -nan}, {1e38f, -0.0f, 1e-45f}}, 3));
   EXPECT_EQ(decode(file("a.png")).rgb,
             (std::vector<std::uint8_t>{255, 0, 255, 255, 0, 0, 255, 0, 255, 255, 0, 0}));
 }
 
 TEST_F(ImageFile, PngRefusesAWrongNumberOfPixels) {
-  EXPECT_EQ(write_png(file("a.png"), 2, 2, {Rgb(0.0f)}, 0.0f).error().kind, ErrorKind::kInternal);
-  EXPECT_FALSE(write_png(file("a.png"), 0, 0, {}, 0.0f));
-  EXPECT_FALSE(write_png(folder_ / "absent" / "a.png", 1, 1, {Rgb(0.0f)}, 0.0f));
+  EXPECT_EQ(write_beauty(file("a.png"), 2, 2, {Rgb(0.0f)}, 0.0f).error().kind, ErrorKind::kInternal);
+  EXPECT_FALSE(write_beauty(file("a.png"), 0, 0, {}, 0.0f));
+  EXPECT_FALSE(write_beauty(folder_ / "absent" / "a.png", 1, 1, {Rgb(0.0f)}, 0.0f));
   EXPECT_EQ(files(), 0u);
 }
 
