@@ -38,6 +38,11 @@ Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const C
 
 JobSurroundings Farm::surroundings() {
   return {blobs_, clock_, unix_ms_, options_.build_id, options_.ack_wait_seconds,
+          [this](const std::string& job, const BlobId& state) {
+            return std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
+              return entry.first != job && entry.second.job && entry.second.job->state() == state;
+            });
+          },
           [this](const std::string& job, std::string_view level, std::string_view source, std::string_view text) {
             ++version_;
             const auto it = jobs_.find(job);
@@ -253,6 +258,12 @@ bool Farm::publish(FarmJob& job, const wire::Task& task) {
 
 void Farm::tick() {
   const double now = clock_.now();
+  for (const std::string& worker : registry_.newly_lost(now)) {
+    log_.warning("worker lost", {{"worker", worker}});
+    // The engine hands its tasks to others; if it has lost them, the jobs publish them again.
+    for (auto& [id, entry] : jobs_) entry.job->forget_worker(worker);
+    ++version_;
+  }
   for (auto& [id, entry] : jobs_) {
     const JobState before = entry.job->record().state;
     entry.job->tick([&](double since) { return registry_.any_idle_since(since, now); });

@@ -150,6 +150,13 @@ void FarmJob::repeat_unit(UnitLedger::Out& unit, std::string_view why) {
   repeat_.push_back(unit.range.first);
 }
 
+void FarmJob::repeat_prepare() {
+  ++preparing_->attempt;  // the engine takes no task twice
+  preparing_->holder.clear();
+  preparing_->since = around_.clock.now();
+  repeat_preparing_ = true;
+}
+
 void FarmJob::look_after_units(double now, const std::function<bool(double since)>& idle_since) {
   const double lost_after = kLostAckWaits * around_.ack_wait_seconds;
   const double timeout = record_.spec.faults.unit_timeout_seconds;
@@ -157,12 +164,7 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
     if (unit.holder.empty()) return now - unit.since > lost_after && idle_since(now - around_.ack_wait_seconds) ? "lost" : "";
     return now - unit.since > timeout ? "timeout" : "";
   };
-  if (preparing_ && !repeat_preparing_ && !judge(*preparing_).empty()) {
-    ++preparing_->attempt;
-    preparing_->since = now;
-    preparing_->holder.clear();
-    repeat_preparing_ = true;
-  }
+  if (preparing_ && !repeat_preparing_ && !judge(*preparing_).empty()) repeat_prepare();
   std::vector<std::pair<std::uint64_t, std::string_view>> due;
   for (const auto& [first, unit] : ledger_.out()) {
     if (const auto why = judge(unit); !why.empty() && std::find(repeat_.begin(), repeat_.end(), first) == repeat_.end()) {
@@ -193,10 +195,7 @@ void FarmJob::on_failed(const std::string& worker, const wire::TaskFailed& faile
                   fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
   }
   if (failed.kind() == wire::Task::PREPARE) {
-    ++unit->attempt;
-    unit->holder.clear();
-    unit->since = around_.clock.now();
-    repeat_preparing_ = true;
+    repeat_prepare();
   } else {
     repeat_unit(*unit, failed.message());
   }
@@ -233,19 +232,29 @@ void FarmJob::after_progress() {
   }
 }
 
+void FarmJob::go_on_after_waiting(double now) {
+  set_state(state_before_waiting_, "");
+  log("info", "coordinator", "there is space again: the job goes on");
+  // Nothing was taken in meanwhile: that is no fault of those who have units.
+  std::vector<std::uint64_t> out;
+  for (const auto& [first, unit] : ledger_.out()) out.push_back(first);
+  for (const std::uint64_t first : out) ledger_.find(first)->since = now;
+  if (preparing_) preparing_->since = now;
+}
+
 void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
   if (ended()) return;
   const double now = around_.clock.now();
   if (record_.state == JobState::kWaiting) {
     if (now < next_try_) return;
     next_try_ = now + kDiskRetrySeconds;
-    const auto saved = film_ ? save_checkpoint() : Result<void>{};
-    const auto written = saved && shares_radii() && state_round_ != film_->round_begin() ? write_state() : saved;
-    if (!written) return;
-    set_state(state_before_waiting_, "");
-    log("info", "coordinator", "there is space again: the job goes on");
+    const bool finishing = state_before_waiting_ == JobState::kFinishing;
+    auto saved = film_ ? save_checkpoint() : Result<void>{};
+    if (saved && !finishing && lacks_state()) saved = write_state();
+    if (!saved) return;
+    go_on_after_waiting(now);
   }
-  if (record_.state == JobState::kFinishing) return finish(end_state_, end_message_);
+  if (record_.state == JobState::kFinishing) return finish(record_.end_state, end_message_);
   if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning) look_after_units(now, idle_since);
   if (record_.state != JobState::kRunning) return;
   if (record_.spec.stop.seconds > 0 && ledger_.done_below() > 0 && seconds() >= record_.spec.stop.seconds) {

@@ -31,6 +31,8 @@ struct JobSurroundings {
   std::function<std::int64_t()> unix_ms;
   std::string build_id;
   double ack_wait_seconds = 30;
+  /// True when another job's tasks name this state: jobs of one scene and size begin with the same radii.
+  std::function<bool(const std::string& job, const BlobId& state)> others_need;
   /// A line in the job's log; source is "coordinator" or a worker's name.
   std::function<void(const std::string& job, std::string_view level, std::string_view source, std::string_view text)> log;
 };
@@ -57,6 +59,8 @@ class FarmJob {
   [[nodiscard]] JobView view() const;
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const Film* film() const { return film_.get(); }
+  /// Radii that its tasks name; no bytes: none.
+  [[nodiscard]] const BlobId& state() const { return state_; }
 
   /// The next task to publish: a unit that must go out again, or a new one; `workers` live ones share what is left of the
   /// round. Empty when there is nothing to do now.
@@ -98,6 +102,8 @@ class FarmJob {
   [[nodiscard]] bool is_wanted(const wire::ResultManifest& manifest, std::string& why_not) const;
   [[nodiscard]] bool figures_are_plausible(const wire::ResultManifest& manifest) const;
   [[nodiscard]] Answer refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
+  /// Those that the result was to bring: it will not come again.
+  void repeat_units_of(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
   [[nodiscard]] Answer take_in(const std::string& worker, ResultIntake intake);
   [[nodiscard]] Answer take_in_prepared(const std::string& worker, const ResultIntake& intake);
   [[nodiscard]] Answer take_in_sums(const std::string& worker, const ResultIntake& intake);
@@ -106,13 +112,17 @@ class FarmJob {
   void after_progress();
   void start_running(Film film);
   void repeat_unit(UnitLedger::Out& unit, std::string_view why);
+  void repeat_prepare();
   void look_after_units(double now, const std::function<bool(double since)>& idle_since);
 
   [[nodiscard]] Result<void> save_checkpoint();
   [[nodiscard]] Result<void> write_state();
+  [[nodiscard]] bool lacks_state() const;
+  void drop_state();
   void finish(JobState state, const std::string& message);
   [[nodiscard]] Result<void> write_result();
   void wait_for_disk(const Error& error);
+  void go_on_after_waiting(double now);
   void set_state(JobState state, const std::string& message);
   void log(std::string_view level, std::string_view source, std::string_view text) const;
   [[nodiscard]] std::string identity() const;
@@ -124,7 +134,7 @@ class FarmJob {
   JobSurroundings around_;
   std::unique_ptr<Film> film_;
   BlobId state_;                                   ///< radii of the open round; no bytes: none
-  std::uint64_t state_round_ = 0;
+  std::optional<std::uint64_t> state_round_;       ///< whose radii they are
   UnitLedger ledger_;
   std::optional<UnitLedger::Out> preparing_;
   std::deque<std::uint64_t> repeat_;               ///< first sub-passes of units to publish again
@@ -136,8 +146,7 @@ class FarmJob {
   std::map<std::string, First> first_results_;     ///< of the open round, by their units: a second one must equal the first
   std::uint64_t frozen_limit_;                     ///< a stop by time: no unit beyond is issued
   JobState state_before_waiting_ = JobState::kRunning;
-  JobState end_state_ = JobState::kDone;           ///< that a finishing job will have, and its message
-  std::string end_message_;
+  std::string end_message_;                        ///< of a finishing job
   double next_try_ = 0;
   double running_since_ = 0;
   double seconds_before_ = 0;                      ///< run before this process

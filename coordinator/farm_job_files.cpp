@@ -57,6 +57,10 @@ Result<std::unique_ptr<FarmJob>> FarmJob::restore(std::filesystem::path folder, 
     return job;
   }
   job->running_since_ = job->last_checkpoint_ = around.clock.now();
+  if (job->record_.state == JobState::kFinishing && job->record_.end_state == JobState::kCancelled) {
+    job->finish(JobState::kCancelled, job->record_.message);
+    return job;
+  }
   job->set_state(JobState::kRunning, "");
   if (auto written = job->write_state(); !written) job->wait_for_disk(written.error());
   job->log("info", "coordinator", fmt::format("goes on from a checkpoint of {} sub-passes", job->film_->sub_passes()));
@@ -94,10 +98,22 @@ Result<void> FarmJob::write_state() {
   auto blob = write_state_blob(film_->state(), around_.blobs);
   if (!blob) return tl::unexpected(blob.error());
   // Workers of the round before may still be reading the old one; they would only be refused.
-  if (state_.bytes > 0 && state_ != *blob) around_.blobs.remove(state_);
+  if (state_ != *blob) drop_state();
   state_ = *blob;
   state_round_ = film_->round_begin();
   return {};
+}
+
+/// True when units cannot be issued for want of the radii that they are to be traced with.
+bool FarmJob::lacks_state() const {
+  if (!film_ || film_->state().empty()) return false;
+  return !state_round_ || (shares_radii() && *state_round_ != film_->round_begin());
+}
+
+void FarmJob::drop_state() {
+  if (state_.bytes > 0 && !around_.others_need(record_.id, state_)) around_.blobs.remove(state_);
+  state_ = {};
+  state_round_.reset();
 }
 
 Result<void> FarmJob::write_result() {
@@ -124,7 +140,7 @@ Result<void> FarmJob::write_result() {
 }
 
 void FarmJob::finish(JobState state, const std::string& message) {
-  end_state_ = state;
+  record_.end_state = state;
   end_message_ = message;
   intakes_.clear();
   ledger_.restore(ledger_.done_below(), ledger_.done_beyond());
@@ -144,7 +160,7 @@ void FarmJob::finish(JobState state, const std::string& message) {
   set_state(state, message);
   log(state == JobState::kFailed ? "error" : "info", "coordinator",
       fmt::format("{}{}{}", to_string(state), message.empty() ? "" : ": ", message));
-  if (state_.bytes > 0) around_.blobs.remove(state_);
+  drop_state();
 }
 
 void FarmJob::wait_for_disk(const Error& error) {

@@ -91,24 +91,39 @@ void FarmJob::compare_with_first(const std::string& worker, const wire::ResultMa
 Answer FarmJob::refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why) {
   log("debug", "coordinator", fmt::format("a result of {} is refused: {}", worker, why));
   compare_with_first(worker, manifest);
+  repeat_units_of(worker, manifest, why);
+  return {reply_to(manifest, wire::ResultReply::REFUSED, why), {}};
+}
+
+void FarmJob::repeat_units_of(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why) {
+  if (manifest.kind() == wire::Task::PREPARE) {
+    if (preparing_ && !repeat_preparing_) repeat_prepare();
+    return;
+  }
   // Whole or not at all: its units that do not count yet are traced again.
   for (const UnitRange& range : ranges_of(manifest)) {
     UnitLedger::Out* unit = ledger_.find(range.first);
     if (unit != nullptr && unit->range == range && (unit->holder == worker || unit->holder.empty())) repeat_unit(*unit, why);
   }
-  return {reply_to(manifest, wire::ResultReply::REFUSED, why), {}};
 }
 
 Answer FarmJob::on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest) {
   if (ended()) return {reply_to(manifest, wire::ResultReply::REFUSED, "the job has ended"), {}};
   if (record_.state == JobState::kWaiting) return {};  // the worker asks again
-  if (manifest.build_id() != around_.build_id) return {reply_to(manifest, wire::ResultReply::REFUSED, "another build"), {}};
+  if (manifest.build_id() != around_.build_id) {
+    // No quarantine: a farm that was brought up to date meets results of the build before.
+    const std::string why = fmt::format("it is of build {}, the coordinator of {}", manifest.build_id(), around_.build_id);
+    repeat_units_of(worker, manifest, why);
+    return {reply_to(manifest, wire::ResultReply::REFUSED, why), {}};
+  }
   const Key key{worker, incarnation, manifest.result_id()};
   if (const auto known = intakes_.find(key); known != intakes_.end()) return {ask_for(known->second), {}};
   std::string why_not;
   if (!is_wanted(manifest, why_not)) return refuse(worker, manifest, why_not);
   if (!figures_are_plausible(manifest)) {
-    return {reply_to(manifest, wire::ResultReply::REFUSED, "implausible figures"), "its result's figures are impossible"};
+    Answer answer = refuse(worker, manifest, "implausible figures");
+    answer.accusation = "its result's figures are impossible";
+    return answer;
   }
   auto intake = ResultIntake::open(folder_ / fmt::format("incoming-{}-{}", worker, manifest.result_id()), manifest);
   if (!intake) {
@@ -152,7 +167,7 @@ Answer FarmJob::take_in_prepared(const std::string& worker, const ResultIntake& 
   const wire::ResultManifest& manifest = intake.manifest();
   const auto wrong = [&](const std::string& what) -> Answer {
     forget_worker(worker);
-    repeat_preparing_ = true;
+    repeat_prepare();
     return {reply_to(manifest, wire::ResultReply::REFUSED, what), what};
   };
   auto options = from_wire(manifest.prepared().film());
@@ -161,7 +176,8 @@ Answer FarmJob::take_in_prepared(const std::string& worker, const ResultIntake& 
   if (options->width != spec.image.width || options->height != spec.image.height) return wrong("its film has another size");
   Film film(*options);
   if (options->estimator != Estimator::kPath) {
-    std::vector<ProgressivePixel> state(film.state().size());
+    // The film's own memory: a second copy of the radii would be the coordinator's peak.
+    std::vector<ProgressivePixel> state = std::move(film.state());
     StateUnpacker unpacker(state);
     for (std::size_t i = 0; i < static_cast<std::size_t>(manifest.chunk_xxh3_size()); ++i) {
       const auto chunk = intake.read(i);

@@ -132,11 +132,8 @@ Result<std::string> Farm::preview_png(const std::string& id) const {
   if (job->film() == nullptr || job->film()->sub_passes() == 0) {
     return fail(ErrorKind::kUnavailable, fmt::format("{}: there is no image yet; the job is {}", id, to_string(job->record().state)));
   }
-  const LayeredImage image = job->film()->image();
-  const auto beauty = rgb_pixels(image.layers.front());
-  if (!beauty) return tl::unexpected(beauty.error());
   const auto file = job->folder() / "preview.png";
-  auto written = write_png(file, image.width, image.height, *beauty, static_cast<float>(job->record().spec.image.exposure));
+  auto written = write_png(file, job->film()->image_rows(), static_cast<float>(job->record().spec.image.exposure));
   if (!written) return tl::unexpected(written.error());
   return read_file(file, std::uint64_t{1} << 31, ErrorKind::kInternal);
 }

@@ -32,6 +32,7 @@ Result<void> JobRecord::save(const std::filesystem::path& folder) const {
                                {"idempotency_key", idempotency_key},
                                {"state", to_string(state)},
                                {"message", message},
+                               {"end_state", to_string(end_state)},
                                {"submitted_unix_ms", submitted_unix_ms},
                                {"started_unix_ms", started_unix_ms},
                                {"ended_unix_ms", ended_unix_ms},
@@ -68,6 +69,7 @@ Result<JobRecord> JobRecord::load(const std::filesystem::path& folder) {
     r.idempotency_key = json.at("idempotency_key").get<std::string>();
     r.state = *state;
     r.message = json.at("message").get<std::string>();
+    r.end_state = state_of(json.value("end_state", "done")).value_or(JobState::kDone);
     r.submitted_unix_ms = json.at("submitted_unix_ms").get<std::int64_t>();
     r.started_unix_ms = json.at("started_unix_ms").get<std::int64_t>();
     r.ended_unix_ms = json.at("ended_unix_ms").get<std::int64_t>();

@@ -21,6 +21,7 @@ struct JobRecord {
   std::string idempotency_key;
   JobState state = JobState::kQueued;
   std::string message;
+  JobState end_state = JobState::kDone; ///< that a finishing job is going to have
   std::int64_t submitted_unix_ms = 0, started_unix_ms = 0, ended_unix_ms = 0;
   std::string scene_hash, plan, image_hash;
   std::vector<std::string> warnings;

@@ -1,6 +1,7 @@
 #include "coordinator/worker_registry.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace pf {
 namespace {
@@ -33,6 +34,7 @@ WorkerRegistry::Worker& WorkerRegistry::heard(const std::string& name, std::uint
   worker.incarnation = incarnation;
   worker.heartbeat = heartbeat;
   worker.heard = now;
+  worker.lost = false;
   return worker;
 }
 
@@ -51,6 +53,14 @@ bool WorkerRegistry::fault(const std::string& name, const std::string& what) {
   if (++worker.faults < kMaxFaults) return false;
   quarantine(name, what);
   return true;
+}
+
+std::vector<std::string> WorkerRegistry::newly_lost(double now) {
+  std::vector<std::string> names;
+  for (auto& [name, worker] : workers_) {
+    if (now - worker.heard >= silence_ && !std::exchange(worker.lost, true)) names.push_back(name);
+  }
+  return names;
 }
 
 std::size_t WorkerRegistry::live(double now) const {

@@ -21,6 +21,7 @@ class WorkerRegistry {
     double idle_since = 0;        ///< meaningful while it is idle
     std::string quarantined;      ///< why; empty: trusted
     int faults = 0;               ///< malformed messages so far
+    bool lost = false;            ///< said so by newly_lost()
   };
 
   /// `silence`: seconds without a word after which a worker counts as lost.
@@ -34,6 +35,8 @@ class WorkerRegistry {
   /// A malformed message. True when that was one too many: the worker is in quarantine now.
   bool fault(const std::string& name, const std::string& what);
 
+  /// Workers that have not been heard for too long; each is named once until it is heard again.
+  [[nodiscard]] std::vector<std::string> newly_lost(double now);
   [[nodiscard]] std::size_t live(double now) const;
   /// True when a live worker has had nothing to do since `since` or longer.
   [[nodiscard]] bool any_idle_since(double since, double now) const;

@@ -1,11 +1,14 @@
-// Results of real sub-passes on their way: packing, and unpacking into a film's sums, on one core, hash
-// included. MB/s are of the sums in memory (88 bytes a pixel, 104 with features). Run: pf_wire_bench.
+// Results of real sub-passes on their way: packing, unpacking into a film's sums, and the coordinator's whole way from chunk to
+// sums, spool file and hashes included; all on one core. MB/s are of the sums in memory (88 bytes a pixel, 104 with features). Run: pf_wire_bench.
 
 #include <benchmark/benchmark.h>
 
+#include "common/base/hash.h"
 #include "common/wire/statistics_codec.h"
+#include "coordinator/result_intake.h"
 #include "tests/support/render.h"
 #include "tests/support/scenes.h"
+#include "tests/support/temp_folder.h"
 
 namespace pf {
 namespace {
@@ -78,6 +81,41 @@ void unpack_and_add(benchmark::State& state) {
   state.SetBytesProcessed(static_cast<std::int64_t>(state.iterations() * packed.raw_bytes));
 }
 BENCHMARK(unpack_and_add)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
+
+/// As FarmJob takes a result in: every chunk is hashed and spooled as it comes; once all are here they are read back and added.
+void take_in(benchmark::State& state) {
+  name(state);
+  const Statistics& sums = results(state.range(0));
+  const PackedStatistics packed = pack_statistics(sums);
+  wire::ResultManifest manifest;
+  for (const std::string& chunk : packed.chunks) manifest.add_chunk_xxh3(xxh3_64(std::string_view(chunk)));
+  const TempFolder folder;
+  Statistics into(sums.width, sums.height);
+  for (auto _ : state) {
+    auto intake = ResultIntake::open(folder / "incoming", manifest);
+    if (!intake) {
+      state.SkipWithError("no spool file");
+      break;
+    }
+    for (std::size_t i = 0; i < packed.chunks.size(); ++i) {
+      const auto kept = intake->put(static_cast<std::uint32_t>(i), packed.chunks[i]);
+      if (!kept || !*kept) state.SkipWithError("a chunk was dropped");
+    }
+    StatisticsUnpacker unpacker(into);
+    for (std::size_t i = 0; i < packed.chunks.size(); ++i) {
+      const auto chunk = intake->read(i);
+      if (!chunk || !unpacker.add(*chunk)) state.SkipWithError("a chunk was refused");
+    }
+    benchmark::DoNotOptimize(unpacker.content());
+    state.PauseTiming();
+    for (const std::string& chunk : packed.chunks) {
+      if (!unpacker.take_off(chunk)) state.SkipWithError("a chunk was not taken off");
+    }
+    state.ResumeTiming();
+  }
+  state.SetBytesProcessed(static_cast<std::int64_t>(state.iterations() * packed.raw_bytes));
+}
+BENCHMARK(take_in)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace pf

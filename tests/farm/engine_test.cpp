@@ -216,6 +216,10 @@ TEST_F(Engine, CountsAndReportsWhatItCouldNotKeep) {
   Coordinator coordinator(options, 4);
   Worker worker(options_of("worker-1"));
   for (int i = 0; i < 100; ++i) worker->send(std::string(100 * 1000, 'x'));
+  // The engine answers each connection in order: afterwards all messages have come to the coordinator's.
+  worker->fetch_task(0.0);
+  ASSERT_TRUE(worker.next<NoTask>());
+  ASSERT_TRUE(coordinator->publish_task("1", "task"));
   const auto problem = coordinator.next<EngineProblem>();
   ASSERT_TRUE(problem);
   EXPECT_NE(problem->text.find("dropped"), std::string::npos) << problem->text;

@@ -74,6 +74,8 @@ TEST_P(Seeds, GiveTheSingleNodesImageWhateverHappens) {
     mischief.stop_worker = up_to(0.05);
     mischief.kill_coordinator = up_to(0.03);
     mischief.kill_engine = up_to(0.03);
+    mischief.lose_queue = seed % 3 == 0 ? 0.5 : 0.0;
+    mischief.fill_disk = seed % 5 == 0 ? 0.02 : 0.0;
     World world(seed, mischief);
     for (const char* name : {"a", "b", "c"}) world.add_worker(name);
     const JobSpec specs[] = {shared_job(), independent_job(), path_job()};
@@ -119,6 +121,54 @@ TEST(Schedules, WorkersMayJoinAndLeaveInTheMiddleOfARound) {
   world.run_for(3);
   world.kill_worker("a");
   ASSERT_TRUE(world.run(kStuck));
+  EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(shared_job()));
+}
+
+TEST(Schedules, AWorkerThatIsGoneForGoodWithAnEngineThatForgotHoldsUpNothing) {
+  World world(9, {});
+  for (const char* name : {"a", "b"}) world.add_worker(name);
+  const std::string id = world.submit(shared_job());
+  world.run_for(6);
+  world.lose_worker("a");
+  world.lose_queue();
+  ASSERT_TRUE(world.run(120)) << world.describe();
+  EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(shared_job()));
+}
+
+TEST(Schedules, AJobsRadiiOutliveAnotherJobThatBeganWithTheSame) {
+  World world(10, {});
+  world.add_worker("a");
+  JobSpec still = independent_job();
+  still.stop.passes = 60;
+  const std::string moving_id = world.submit(shared_job());
+  const std::string still_id = world.submit(still);
+  world.run_for(12);
+  ASSERT_GT(world.farm().show(moving_id)->rounds, 1u);
+  // It has not seen those radii yet.
+  world.add_worker("b");
+  ASSERT_TRUE(world.run(kStuck));
+  EXPECT_EQ(world.farm().show(still_id)->units_repeated, 0u) << world.describe();
+  EXPECT_EQ(world.farm().show(still_id)->image_hash, hash_of_single_node(still));
+}
+
+TEST(Schedules, AFullDiskHoldsAJobUpAndSaysSo) {
+  World world(11, {});
+  for (const char* name : {"a", "b"}) world.add_worker(name);
+  const std::string id = world.submit(shared_job());
+  world.run_for(0.02);
+  world.fill_disk(true);
+  world.run_for(30);
+  // Nothing can be prepared on a full disk, nor fail for it.
+  EXPECT_FALSE(has_ended(world.farm().show(id)->state));
+  EXPECT_EQ(world.farm().show(id)->passes_done, 0u);
+  world.fill_disk(false);
+  world.run_for(10);
+  world.fill_disk(true);
+  world.run_for(20);
+  EXPECT_EQ(world.farm().show(id)->state, JobState::kWaiting) << world.describe();
+  EXPECT_NE(world.farm().show(id)->message, "");
+  world.fill_disk(false);
+  ASSERT_TRUE(world.run(kStuck)) << world.describe();
   EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(shared_job()));
 }
 

@@ -1,6 +1,9 @@
 #include "tests/simulation/world.h"
 
+#include <sys/resource.h>
+
 #include <cmath>
+#include <csignal>
 #include <limits>
 #include <tuple>
 
@@ -127,7 +130,18 @@ World::World(std::uint64_t seed, Mischief mischief)
   start_coordinator();
 }
 
-World::~World() = default;
+World::~World() { fill_disk(false); }
+
+// The whole process's, as if all lived on one disk; what exists stays readable.
+void World::fill_disk(bool full) {
+  constexpr ::rlim_t kFullBytes = 64;
+  ::rlimit limit = {};
+  ::getrlimit(RLIMIT_FSIZE, &limit);
+  limit.rlim_cur = full ? kFullBytes : limit.rlim_max;
+  if (full) std::signal(SIGXFSZ, SIG_IGN);
+  ::setrlimit(RLIMIT_FSIZE, &limit);
+  disk_full_ = full;
+}
 
 double World::random() { return std::uniform_real_distribution<double>(0.0, 1.0)(rng_); }
 
@@ -183,6 +197,13 @@ void World::kill_worker(const std::string& name) {
   p.stopped_until = std::numeric_limits<double>::infinity();
   p.fetch_until = -1;
   at(back, [this, name] { start_worker(name); });
+}
+
+void World::lose_worker(const std::string& name) {
+  Process& p = *workers_.at(name);
+  p.incarnation = ++incarnation_;
+  p.stopped_until = std::numeric_limits<double>::infinity();
+  p.fetch_until = -1;
 }
 
 void World::kill_coordinator() {
@@ -253,8 +274,13 @@ void World::misbehave() {
     else if (chance(mischief_.stop_worker * kTick)) p->stopped_until = clock_.now() + 12.0 * random();
   }
   if (chance(mischief_.kill_coordinator * kTick)) kill_coordinator();
+  if (!disk_full_ && chance(mischief_.fill_disk * kTick)) {
+    fill_disk(true);
+    at(clock_.now() + 15.0 * random(), [this] { fill_disk(false); });
+  }
   if (engine_up_ && chance(mischief_.kill_engine * kTick)) {
     engine_up_ = false;
+    if (chance(mischief_.lose_queue)) lose_queue();
     at(clock_.now() + 5.0 * random(), [this] {
       engine_up_ = true;
       if (farm_) farm_->on_connected();

@@ -23,6 +23,8 @@ namespace pf::test {
 struct Mischief {
   double drop = 0, repeat = 0, delay = 0, corrupt_chunk = 0;
   double kill_worker = 0, stop_worker = 0, kill_coordinator = 0, kill_engine = 0;
+  double lose_queue = 0;   ///< that an engine which was killed comes back without its tasks
+  double fill_disk = 0;    ///< no file can grow any more, for a while
 };
 
 /// What a lying worker does with its sums.
@@ -48,6 +50,10 @@ class World {
   [[nodiscard]] std::uint64_t traced() const { return traced_; }
   void kill_coordinator();
   void kill_worker(const std::string& name);
+  /// It never comes back.
+  void lose_worker(const std::string& name);
+  void lose_queue() { tasks_.clear(), task_ids_.clear(); }
+  void fill_disk(bool full);
   [[nodiscard]] const std::filesystem::path& state() const { return folder_.path(); }
 
  private:
@@ -97,6 +103,7 @@ class World {
   std::unique_ptr<Farm> farm_;
   std::uint64_t incarnation_ = 1;
   std::uint64_t traced_ = 0;
+  bool disk_full_ = false;
 };
 
 /// Adds what the pretended algorithm finds in the sub-passes.

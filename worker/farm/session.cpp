@@ -6,7 +6,6 @@
 
 #include "common/wire/bundle.h"
 #include "common/wire/limits.h"
-#include "common/wire/state_blob.h"
 
 namespace pf {
 namespace {
@@ -76,7 +75,7 @@ void Session::send_heartbeat() {
 }
 
 void Session::want_work() {
-  if (current_ || fetching_ || draining_ || !welcomed_ || finished_) return;
+  if (current_ || fetching_ || draining_ || !welcomed_ || finished_ || clock_.now() < paused_until_) return;
   fetching_ = true;
   // With sums in hand that could go at once, only a task that is there already is of use.
   port_.fetch_task(held_ && outgoing_.empty() ? 0.0 : kFetchSeconds);
@@ -144,91 +143,19 @@ void Session::on_task(const Delivery& delivery) {
   send_heartbeat();
 }
 
-bool Session::have(const BlobId& blob) {
-  if (blobs_.has(blob)) return true;
-  if (!fetch_ || fetch_->blob != blob) {
-    fetch_ = Fetch{blob};
-    ask_for_blob();
-  }
-  return false;
-}
-
-void Session::ask_for_blob() {
-  wire::FromWorker message;
-  wire::BlobRequest& request = *message.mutable_blob_request();
-  request.mutable_blob()->set_sha256(sha256_bytes(fetch_->blob.sha256));
-  request.mutable_blob()->set_bytes(fetch_->blob.bytes);
-  request.set_offset(blobs_.partial_bytes(fetch_->blob));
-  fetch_->asked = clock_.now();
-  send(message);
-}
-
-void Session::on_blob_part(const wire::BlobPart& part) {
-  if (!fetch_ || id_of(part.blob()) != fetch_->blob) return;
-  const BlobId blob = fetch_->blob;
-  const std::uint64_t here = blobs_.partial_bytes(blob);
-  if (part.offset() != here) return;  // an answer to a question asked twice
-  if (part.data().empty() && here < blob.bytes) {
-    // The coordinator has it no more: the round is over, or the job is. Another task will come.
-    fetch_.reset();
-    if (current_) {
-      acknowledge(current_->handles);
-      current_.reset();
-      want_work();
-    }
-    return;
-  }
-  auto kept = part.data().empty() ? Result<void>{} : blobs_.append_partial(blob, here, part.data());
-  if (kept && blobs_.partial_bytes(blob) < blob.bytes) return ask_for_blob();
-  if (kept) kept = blobs_.finish_partial(blob);
-  fetch_.reset();
-  if (!kept) {
-    if (current_) fail_current(kept.error(), false);
-    return;
-  }
-  advance();
-}
-
-Result<bool> Session::have_bundle(const wire::Task& task) {
-  const BlobId id = id_of(task.bundle());
-  if (bundles_.contains(id.sha256)) return true;
-  if (!have(id)) return false;
-  const auto bytes = blobs_.read(id, 0, kMaxBundleBytes);
-  if (!bytes) return tl::unexpected(bytes.error());
-  const auto bundle = parse_bundle(*bytes);
-  if (!bundle) return tl::unexpected(bundle.error());
-  for (const auto& file : bundle->files()) {
-    if (!have(id_of(file.content()))) return false;
-  }
-  auto spec = unpack_bundle(*bytes, blobs_, options_.cache / fmt::format("{}.{:x}", options_.name, options_.incarnation) / id.sha256);
-  if (!spec) return tl::unexpected(spec.error());
-  bundles_[id.sha256] = std::move(*spec);
-  return true;
-}
-
 void Session::advance() {
   if (!current_ || current_->working || finished_) return;
   // Sums of another round must be on their way before this unit's can be gathered.
   if (!fits_held(current_->task) && !flush()) return;
   const auto bundle = have_bundle(current_->task);
-  if (!bundle) return fail_current(bundle.error(), true);
+  if (!bundle) return bundle.error().kind == ErrorKind::kInternal ? hand_back_current(bundle.error()) : fail_current(bundle.error(), true);
   if (!*bundle) return;
   const wire::Task& task = current_->task;
   if (task.has_state() && task.state().bytes() > 0) {
     if (state_hash_ != sha256_hex_of_bytes(task.state().sha256()) && !have(id_of(task.state()))) return;
-    if (auto loaded = load_state(task); !loaded) return fail_current(loaded.error(), false);
+    if (auto loaded = load_state(task); !loaded) return hand_back_current(loaded.error());
   }
   begin_work();
-}
-
-Result<void> Session::load_state(const wire::Task& task) {
-  const BlobId id = id_of(task.state());
-  if (state_hash_ == id.sha256) return {};
-  auto state = read_state_blob(blobs_.path_of(id), std::size_t{task.width()} * task.height());
-  if (!state) return tl::unexpected(state.error());
-  state_hash_ = id.sha256;
-  state_radii_ = std::make_shared<const std::vector<ProgressivePixel>>(std::move(*state));
-  return {};
 }
 
 void Session::begin_work() {
@@ -383,6 +310,10 @@ void Session::tick() {
   if (!outgoing_.empty() && now - outgoing_.front().last_word >= kRepeatSeconds) announce_first();
   if (fetch_ && now - fetch_->asked >= kRepeatSeconds) ask_for_blob();
   if (now - last_heartbeat_ >= kHeartbeatSeconds) send_heartbeat();
+  if (paused_until_ > 0 && now >= paused_until_) {
+    paused_until_ = 0;
+    want_work();
+  }
   if (draining_ && now - drain_since_ > kDrainSeconds) abandon();
 }
 

@@ -98,6 +98,7 @@ class Session {
   void announce_first();
   void let_first_go();
   void fail_current(const Error& error, bool permanent);
+  void hand_back_current(const Error& error);
   void acknowledge(const std::vector<std::uint64_t>& handles);
   void send_heartbeat();
   void send(wire::FromWorker& message);
@@ -121,7 +122,7 @@ class Session {
   std::optional<Error> fatal_;
   bool welcomed_ = false, fetching_ = false, draining_ = false, finished_ = false;
   std::uint64_t next_result_ = 1;
-  double ack_wait_ = 30, last_in_progress_ = 0, last_heartbeat_ = 0, last_transfer_ = 0, drain_since_ = 0;
+  double ack_wait_ = 30, last_in_progress_ = 0, last_heartbeat_ = 0, last_transfer_ = 0, drain_since_ = 0, paused_until_ = 0;
   std::uint64_t rays_ = 0, photon_paths_ = 0, sub_passes_ = 0;
   double trace_seconds_ = 0;
 };
