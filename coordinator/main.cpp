@@ -29,7 +29,7 @@ void on_interrupt(int signal) {
 struct Options {
   std::string state, engine, credentials, host = "127.0.0.1";
   int port = 0;
-  double ack_wait = 30;
+  double ack_wait = 10;
 };
 
 int report_error(const pf::Error& error) {
