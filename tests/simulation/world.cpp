@@ -111,14 +111,8 @@ struct World::FakeExecutor final : Executor {
       if (process.lie == Lie::kNanFigures) done->seconds = std::numeric_limits<double>::quiet_NaN();
     }
     const double duration = std::isfinite(done->seconds) ? done->seconds : 0.1;
-    const auto finish = std::make_shared<std::function<void()>>();
-    *finish = [this, done, finish, &w = world, name = process.name, mine = process.incarnation] {
-      const auto it = w.workers_.find(name);
-      if (it == w.workers_.end() || it->second->incarnation != mine) return;
-      if (it->second->stopped_until > w.clock_.now()) return w.at(it->second->stopped_until, *finish);
-      it->second->session->on_done(std::move(*done));
-    };
-    world.at(world.clock_.now() + duration, *finish);
+    world.at_worker(world.clock_.now() + duration, process.name, process.incarnation,
+                    [done](Process& p) { p.session->on_done(std::move(*done)); });
   }
   World& world;
   Process& process;
@@ -146,6 +140,16 @@ void World::fill_disk(bool full) {
 double World::random() { return std::uniform_real_distribution<double>(0.0, 1.0)(rng_); }
 
 void World::at(double time, std::function<void()> action) { events_.push({time, order_++, std::move(action)}); }
+
+void World::at_worker(double time, const std::string& name, std::uint64_t incarnation,
+                      std::function<void(Process& process)> action) {
+  at(time, [this, name, incarnation, action = std::move(action)] {
+    Process& p = *workers_.at(name);
+    if (p.incarnation != incarnation) return;
+    if (p.stopped_until > clock_.now()) return at_worker(p.stopped_until, name, incarnation, action);
+    action(p);
+  });
+}
 
 void World::start_coordinator() {
   auto store = BlobStore::open(folder_ / "blobs", 0);
@@ -257,14 +261,9 @@ void World::to_coordinator(const std::string& sender, std::string bytes) {
 
 void World::to_worker(const std::string& name, std::string bytes) {
   const std::uint64_t incarnation = workers_.at(name)->incarnation;
-  const auto arrive = std::make_shared<std::function<void()>>();
-  *arrive = [this, name, incarnation, bytes, arrive] {
-    Process& p = *workers_.at(name);
-    if (p.incarnation != incarnation) return;
-    if (p.stopped_until > clock_.now()) return at(p.stopped_until, *arrive);
-    p.session->on_message(bytes);
-  };
-  deliver(*arrive);
+  deliver([this, name, incarnation, bytes] {
+    at_worker(clock_.now(), name, incarnation, [bytes](Process& p) { p.session->on_message(bytes); });
+  });
 }
 
 void World::misbehave() {

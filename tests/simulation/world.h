@@ -69,6 +69,9 @@ class World {
   };
 
   void at(double time, std::function<void()> action);
+  /// Like at(), for a worker that may be stopped then, or dead: later, or never.
+  void at_worker(double time, const std::string& name, std::uint64_t incarnation,
+                 std::function<void(Process& process)> action);
   void step();
   void start_worker(const std::string& name);
   void start_coordinator();
