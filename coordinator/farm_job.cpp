@@ -219,7 +219,6 @@ void FarmJob::after_progress() {
     return finish(JobState::kFailed, overflow_message(record_.spec.job.name, film_->sums().faults.overflow));
   }
   if (film_->round_begin() != round) {
-    first_results_.clear();
     const std::uint64_t done = film_->sub_passes();
     if (record_.spec.stop.error > 0 || film_->rounds() % 4 == 0) record_.estimated_error = film_->estimated_error();
     if (record_.spec.stop.error > 0 && done >= 2 && done == film_->round_begin() &&

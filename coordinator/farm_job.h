@@ -143,7 +143,8 @@ class FarmJob {
   struct First {
     std::string worker, content;
   };
-  std::map<std::string, First> first_results_;     ///< of the open round, by their units: a second one must equal the first
+  std::map<std::string, First> first_results_;     ///< the latest, by their units: a second one must equal the first,
+  std::deque<std::string> first_order_;            ///< also when it comes after its round
   std::uint64_t frozen_limit_;                     ///< a stop by time: no unit beyond is issued
   JobState state_before_waiting_ = JobState::kRunning;
   std::string end_message_;                        ///< of a finishing job

@@ -249,7 +249,14 @@ void FarmJob::count(const std::string& worker, const wire::ResultManifest& manif
   sums.rays += manifest.rays();
   sums.faults += Faults{manifest.not_finite(), manifest.overflow()};
   const std::vector<UnitRange> ranges = ranges_of(manifest);
-  first_results_[name_of_units(ranges)] = {worker, manifest.content()};
+  constexpr std::size_t kRemembered = 4096;
+  const std::string name = name_of_units(ranges);
+  first_results_[name] = {worker, manifest.content()};
+  first_order_.push_back(name);
+  if (first_order_.size() > kRemembered) {
+    first_results_.erase(first_order_.front());
+    first_order_.pop_front();
+  }
   for (const UnitRange& range : ranges) {
     ledger_.finish(range);
     ++units_done_;
