@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include <tbb/parallel_for.h>
+#include "common/base/parallel.h"
 
 namespace pf {
 
@@ -65,7 +65,8 @@ void for_each_tile(int width, int height, Statistics& total,
   std::atomic<std::uint64_t> rays{0};
   std::atomic<std::uint64_t> not_finite{0};
   std::atomic<std::uint64_t> overflow{0};
-  tbb::parallel_for(0, columns * rows, [&](int index) {
+  parallel_for(static_cast<std::size_t>(columns * rows), [&](std::size_t tile) {
+    const int index = static_cast<int>(tile);
     TileFigures figures;
     const int x0 = index % columns * kTileEdge;
     const int y0 = index / columns * kTileEdge;

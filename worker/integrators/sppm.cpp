@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <tbb/parallel_invoke.h>
 
+#include "common/base/parallel.h"
 #include "common/math/sampling.h"
 #include "worker/photon/covered_area.h"
 
@@ -53,8 +53,8 @@ SppmIntegrator::SppmIntegrator(const Scene& scene, const Camera& camera, const J
 
 SppmIntegrator::Trees SppmIntegrator::build_trees(PhotonBatch batch) const {
   Trees trees;
-  tbb::parallel_invoke([&] { trees[kCaustic] = PhotonTree(std::move(batch.flows[kCaustic])); },
-                       [&] { trees[kIndirect] = PhotonTree(std::move(batch.flows[kIndirect])); });
+  parallel_invoke([&] { trees[kCaustic] = PhotonTree(std::move(batch.flows[kCaustic])); },
+                  [&] { trees[kIndirect] = PhotonTree(std::move(batch.flows[kIndirect])); });
   return trees;
 }
 

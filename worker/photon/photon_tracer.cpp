@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include <tbb/parallel_for.h>
 
+#include "common/base/parallel.h"
 #include "common/math/philox.h"
 #include "worker/bsdf/lambert.h"
 #include "worker/photon/photon_tree.h"
@@ -189,7 +189,8 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
   if (flux_unit_ <= 0.0) return all;
   const std::uint32_t chunks = (options_.paths + kChunk - 1) / kChunk;
   std::vector<Part> parts(chunks);
-  tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
+  parallel_for(chunks, [&](std::size_t index) {
+    const auto chunk = static_cast<std::uint32_t>(index);
     const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
     trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](std::span<const Ray>) {});
   });
@@ -201,7 +202,7 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
       count += parts[chunk].flows[flow].size();
     }
     all.flows[flow].resize(count);
-    tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
+    parallel_for(chunks, [&](std::size_t chunk) {
       std::vector<Photon>& photons = parts[chunk].flows[flow];
       for (std::size_t i = 0; i < photons.size(); ++i) all.flows[flow].set(starts[chunk] + i, photons[i]);
       photons = {};

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include "common/base/parallel.h"
 
 namespace pf {
 namespace {
@@ -92,8 +92,8 @@ std::vector<std::uint32_t> hilbert_order(const PhotonArrays& p) {
   const float scale = 2097151.0f / extent;
   std::vector<Keyed> keyed(p.size());
   constexpr std::size_t kGrain = 16384;
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, p.size(), kGrain), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+  parallel_ranges(p.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
       const auto cell = [&](float v, float low) { return spread_bits(static_cast<std::uint64_t>((v - low) * scale)); };
       const std::uint64_t morton =
           cell(p.x[i], box.min.x) | cell(p.y[i], box.min.y) << 1 | cell(p.z[i], box.min.z) << 2;
@@ -133,8 +133,8 @@ void PhotonTree::fill_blocks(const PhotonArrays& photons) {
   const std::vector<std::uint32_t> order = hilbert_order(photons);
   blocks_.resize((count_ + kWidth - 1) / kWidth);
   constexpr std::size_t kGrain = 1024;
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks_.size(), kGrain), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+  parallel_ranges(blocks_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
       Block& block = blocks_[i];
       const std::size_t used = std::min(kWidth, count_ - i * kWidth);
       const auto take = [&](auto& to, const auto& from) {

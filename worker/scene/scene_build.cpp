@@ -3,8 +3,8 @@
 #include <map>
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
+#include "common/base/parallel.h"
 #include "common/math/offset.h"
 #include "common/math/owen_sobol.h"
 #include "common/math/philox.h"
@@ -106,7 +106,7 @@ void Scene::bake_single_placements() {
 
 void Scene::gather_triangles() {
   triangles_.resize(description_.meshes.size());
-  tbb::parallel_for(std::size_t{0}, triangles_.size(), [&](std::size_t m) {
+  parallel_for(triangles_.size(), [&](std::size_t m) {
     const Mesh& mesh = description_.meshes[m];
     Triangles& gathered = triangles_[m];
     const auto corners = [](const std::vector<Vec3f>& values, const std::array<std::uint32_t, 3>& t) {

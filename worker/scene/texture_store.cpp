@@ -12,8 +12,8 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
+#include "common/base/parallel.h"
 #include "worker/scene/image_reader.h"
 #include "worker/scene/texture_pixels.h"
 
@@ -189,7 +189,7 @@ Result<TextureStore> TextureStore::open(const std::vector<Texture>& textures, st
 
   std::atomic<std::int64_t> left{static_cast<std::int64_t>(cache_megabytes) << 20};
   std::vector<std::optional<Result<TexturePixels>>> decoded(first_texture.size());
-  tbb::parallel_for(std::size_t{0}, decoded.size(), [&](std::size_t i) {
+  parallel_for(decoded.size(), [&](std::size_t i) {
     const Texture& texture = textures[first_texture[i]];
     decoded[i] = decode(texture, display_name(texture, first_texture[i]), left);
   });
