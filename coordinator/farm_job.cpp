@@ -38,8 +38,13 @@ bool FarmJob::has_barrier() const { return shares_radii() || record_.spec.stop.e
 
 std::uint64_t FarmJob::limit() const {
   std::uint64_t limit = frozen_limit_;
-  if (record_.spec.stop.passes > 0) limit = std::min(limit, static_cast<std::uint64_t>(record_.spec.stop.passes));
+  limit = std::min(limit, wanted_sub_passes());
   return has_barrier() ? std::min(limit, film_->round_end()) : limit;
+}
+
+std::uint64_t FarmJob::wanted_sub_passes() const {
+  const auto passes = static_cast<std::uint64_t>(record_.spec.stop.passes);
+  return passes > 0 ? film_->order().sub_passes(passes) : kNoLimit;
 }
 
 std::uint64_t FarmJob::unit_size(std::size_t workers) const {
@@ -259,9 +264,7 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
   if (record_.spec.stop.seconds > 0 && ledger_.done_below() > 0 && seconds() >= record_.spec.stop.seconds) {
     frozen_limit_ = std::min(frozen_limit_, ledger_.issued_below());
   }
-  const std::uint64_t end = std::min(frozen_limit_, record_.spec.stop.passes > 0
-                                                        ? static_cast<std::uint64_t>(record_.spec.stop.passes)
-                                                        : kNoLimit);
+  const std::uint64_t end = std::min(frozen_limit_, wanted_sub_passes());
   if (ledger_.done_below() >= end && ledger_.out().empty()) return finish(JobState::kDone, "");
   if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_) return;
   if (auto saved = save_checkpoint(); !saved) wait_for_disk(saved.error());
@@ -273,7 +276,7 @@ void FarmJob::cancel() {
 
 JobRecord::Figures FarmJob::figures_of_film() const {
   const Statistics& sums = film_->sums();
-  return {sums.sub_passes, film_->rounds(), sums.rays, sums.photon_paths, seconds()};
+  return {film_->order().mean_passes(sums.sub_passes), film_->rounds(), sums.rays, sums.photon_paths, seconds()};
 }
 
 JobView FarmJob::view() const {

@@ -96,6 +96,8 @@ class FarmJob {
   FarmJob(JobRecord record, std::filesystem::path folder, const JobSurroundings& around);
   [[nodiscard]] wire::Task make_task(wire::Task::Kind kind, const UnitLedger::Out& unit) const;
   [[nodiscard]] std::uint64_t limit() const;
+  /// Sub-passes that stop.passes asks for.
+  [[nodiscard]] std::uint64_t wanted_sub_passes() const;
   [[nodiscard]] std::uint64_t unit_size(std::size_t workers) const;
   [[nodiscard]] bool shares_radii() const { return film_ && film_->options().estimator == Estimator::kShared; }
   [[nodiscard]] bool has_barrier() const;

@@ -86,6 +86,8 @@ WorkDone RenderExecutor::run(const Work& work) {
     done.prepared->plan_line = plan_line((*job)->plan);
     done.prepared->warnings = (*job)->warnings();
   } else {
+    const FilmOptions film = integrator.film_options();
+    work.sums->make_room(PassOrder(film).part(work.first_sub_pass).sample, film.extra);
     integrator.run({work.first_sub_pass, work.sub_passes}, *work.state, *work.sums);
   }
   done.seconds = clock_.now() - start;

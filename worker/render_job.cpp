@@ -10,8 +10,7 @@
 #include "build_id.h"
 #include "common/base/atomic_file.h"
 #include "common/base/memory.h"
-#include "worker/integrators/path.h"
-#include "worker/integrators/sppm.h"
+#include "worker/integrators/factory.h"
 #include "worker/scene/gltf_loader.h"
 #include "worker/scene/scene_hash.h"
 
@@ -88,7 +87,7 @@ class Rendering {
   [[nodiscard]] bool stops(std::uint64_t done_here) {
     const JobSpec::Stop& stop = job_.spec.stop;
     const std::uint64_t done = film_.sub_passes();
-    if (stop.passes > 0 && done >= static_cast<std::uint64_t>(stop.passes)) return true;
+    if (stop.passes > 0 && done >= film_.order().sub_passes(static_cast<std::uint64_t>(stop.passes))) return true;
     if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error) return true;
     if (stop.seconds <= 0 || done == 0) return false;
     const double now = clock_.now();
@@ -100,7 +99,7 @@ class Rendering {
 
   void report() {
     Progress p;
-    p.passes_done = static_cast<std::int64_t>(film_.sub_passes());
+    p.passes_done = static_cast<std::int64_t>(film_.order().mean_passes(film_.sub_passes()));
     p.passes_total = job_.spec.stop.passes;
     p.seconds_limit = job_.spec.stop.seconds;
     p.error_target = job_.spec.stop.error;
@@ -121,7 +120,7 @@ class Rendering {
     if (auto saved = save(); !saved) return tl::unexpected(saved.error());
     return fail(ErrorKind::kInterrupted,
                 fmt::format("{}: interrupted after {} passes; {} is left: the same command with --resume goes on",
-                            job_.spec.job.name, film_.sub_passes(), paths_.checkpoint.string()));
+                            job_.spec.job.name, film_.order().mean_passes(film_.sub_passes()), paths_.checkpoint.string()));
   }
 
   Result<RenderResult> write() {
@@ -209,11 +208,7 @@ Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   job.scene = std::move(*scene);
   auto camera = choose_camera(*job.scene, spec.scene.camera);
   if (!camera) return tl::unexpected(camera.error());
-  if (job.plan.algorithm == IntegratorType::kPath) {
-    job.integrator = std::make_unique<PathIntegrator>(*job.scene, **camera, spec);
-  } else {
-    job.integrator = std::make_unique<SppmIntegrator>(*job.scene, **camera, spec);
-  }
+  job.integrator = make_integrator(job.plan.algorithm, *job.scene, **camera, spec);
   job.load_seconds = clock.now() - start;
   return job;
 }

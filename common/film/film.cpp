@@ -14,9 +14,22 @@ void put(std::vector<float>& data, std::size_t pixel, const Rgb& value) {
   for (int c = 0; c < 3; ++c) data[3 * pixel + static_cast<std::size_t>(c)] = value[c];
 }
 
+/// Name of the layer of Extra's marks; empty: it has none.
+std::string_view marks_layer(Extra extra) {
+  switch (extra) {
+    case Extra::kGatherPoints:
+      return "gather_points";
+    case Extra::kCacheRecords:
+      return "cache_records";
+    default:
+      return "";
+  }
+}
+
 }  // namespace
 
-Film::Film(const FilmOptions& options) : options_(options), sums_(options.width, options.height) {
+Film::Film(const FilmOptions& options)
+    : options_(options), order_(options), sums_(options.width, options.height, true, options.extra != Extra::kNone) {
   state_.resize(options.estimator == Estimator::kPath ? 0 : sums_.pixels.size());
 }
 
@@ -48,8 +61,21 @@ void Film::close_round_if_complete() {
   } while (sums_.sub_passes >= round_end());
 }
 
+std::uint64_t Film::round_end() const {
+  // Whole sweeps over the image, so that every pixel has as many samples when the error is looked at.
+  const std::uint64_t sweep = order_.sweep();
+  return round_begin_ + sweep * round_size(round_begin_ / sweep, options_.round_growth);
+}
+
+double Film::samples_of(std::size_t pixel) const {
+  const auto width = static_cast<std::size_t>(options_.width);
+  return static_cast<double>(
+      order_.samples(static_cast<int>(pixel % width), static_cast<int>(pixel / width), sums_.sub_passes));
+}
+
 Rgb Film::flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const {
-  const auto n = static_cast<double>(sums_.sub_passes);
+  const double n = samples_of(pixel);
+  if (n == 0.0) return {0.0f, 0.0f, 0.0f};
   if (options_.estimator != Estimator::kShared) return scaled(sums_.pixels[pixel].flow[flow], options_.scale.flow / n);
   if (state.radius2 <= 0.0f) return {0.0f, 0.0f, 0.0f};
   // Radiance evaluation [Hachisuka08 (10)]: tau / (pi R^2 N_emitted); the flux of a path already holds 1 / paths per sub-pass.
@@ -76,8 +102,10 @@ std::vector<Layer> Film::layers(int first_row, int rows) const {
   Layer depth = layer("depth", {"Z"});
   Layer photons = layer("photons", {"caustic", "indirect"});
   Layer radius = layer("radius", {"caustic", "indirect"});
+  Layer specular = layer("specular", {"R", "G", "B"});
+  Layer marks = layer(std::string(marks_layer(options_.extra)), {"Y"});
   const bool progressive = options_.estimator != Estimator::kPath;
-  const double n = static_cast<double>(std::max<std::uint64_t>(sums_.sub_passes, 1));
+  const bool extra = options_.extra != Extra::kNone;
   for (std::size_t i = 0; i < count && sums_.sub_passes > 0; ++i) {
     const std::size_t pixel = begin + i;
     const PixelSums& sums = sums_.pixels[pixel];
@@ -89,11 +117,19 @@ std::vector<Layer> Film::layers(int first_row, int rows) const {
       photons.data[2 * i + flow] = shared ? state.count : static_cast<float>(sums.photons[flow]);
       radius.data[2 * i + flow] = std::sqrt(state.radius2);
     }
+    const double n = std::max(samples_of(pixel), 1.0);
     const Rgb direct_radiance = scaled(sums.direct, options_.scale.radiance / n);
+    Rgb all = direct_radiance + flows[kCaustic] + flows[kIndirect];
+    if (extra) {
+      const Rgb specular_radiance = scaled(sums_.extras[pixel].specular, options_.scale.radiance / n);
+      put(specular.data, i, specular_radiance);
+      marks.data[i] = static_cast<float>(sums_.extras[pixel].marks);
+      all += specular_radiance;
+    }
     put(direct.data, i, direct_radiance);
     put(caustics.data, i, flows[kCaustic]);
     put(indirect.data, i, flows[kIndirect]);
-    put(beauty.data, i, direct_radiance + flows[kCaustic] + flows[kIndirect]);
+    put(beauty.data, i, all);
     const FeatureSums& met = sums_.features[pixel];
     const double feature = met.samples() > 0 ? 1.0 / met.samples() : 0.0;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -108,6 +144,10 @@ std::vector<Layer> Film::layers(int first_row, int rows) const {
     all.push_back(std::move(photons));
     all.push_back(std::move(radius));
   }
+  if (extra) {
+    all.insert(all.begin() + 2, std::move(specular));
+    if (!marks.name.empty()) all.push_back(std::move(marks));
+  }
   return all;
 }
 
@@ -118,13 +158,14 @@ ImageRows Film::image_rows() const {
 }
 
 double Film::estimated_error() const {
-  const auto n = static_cast<double>(sums_.sub_passes);
-  if (n < 2) return kInfinity;
+  if (order_.whole_passes(sums_.sub_passes) < 2) return kInfinity;
   constexpr double kBlack = 0.01;  // of relMSE: mean of (x - r)^2 / (r^2 + 0.01)
   double sum = 0.0;
   for (std::size_t i = 0; i < sums_.pixels.size(); ++i) {
     const PixelSums& p = sums_.pixels[i];
-    const double mean = luminance(scaled(p.direct, options_.scale.radiance / n));
+    const double n = samples_of(i);
+    double mean = luminance(scaled(p.direct, options_.scale.radiance / n));
+    if (options_.extra != Extra::kNone) mean += luminance(scaled(sums_.extras[i].specular, options_.scale.radiance / n));
     double total = mean;
     double path_part = mean;
     double variance = 0.0;

@@ -5,27 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "common/film/film_options.h"
 #include "common/film/image.h"
+#include "common/film/pass_order.h"
 #include "common/film/progressive.h"
 #include "common/film/statistics.h"
 
 namespace pf {
-
-/// How pixel sums become radiance.
-enum class Estimator : std::uint8_t {
-  kPath,         ///< mean of radiance samples
-  kShared,       ///< progressive photon mapping, radii shared by the sub-passes of a round
-  kIndependent   ///< photon mapping averaged over sub-passes of shrinking, preset radii
-};
-
-struct FilmOptions {
-  int width = 0;
-  int height = 0;
-  Estimator estimator = Estimator::kPath;
-  SumScale scale;
-  double alpha = 2.0 / 3.0;
-  double round_growth = 0.25;
-};
 
 /// The state of one progressive image: what single node and coordinator both hold, update and save.
 class Film {
@@ -42,9 +28,10 @@ class Film {
   [[nodiscard]] std::uint64_t round_begin() const { return round_begin_; }
   /// First sub-pass after the open round. Estimators without shared radii have rounds too: there they only say when
   /// stop.error is looked at, so that a job ends after the same sub-pass wherever it runs.
-  [[nodiscard]] std::uint64_t round_end() const { return round_begin_ + round_size(round_begin_, options_.round_growth); }
+  [[nodiscard]] std::uint64_t round_end() const;
   [[nodiscard]] std::uint64_t rounds() const { return rounds_; }
   [[nodiscard]] const FilmOptions& options() const { return options_; }
+  [[nodiscard]] const PassOrder& order() const { return order_; }
 
   /// Where an integrator adds its sub-passes; they must lie inside the open round and be complete.
   [[nodiscard]] Statistics& sums() { return sums_; }
@@ -71,7 +58,11 @@ class Film {
   [[nodiscard]] std::vector<Layer> layers(int first_row, int rows) const;
   [[nodiscard]] Rgb flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const;
 
+  /// Eye samples that the pixel has.
+  [[nodiscard]] double samples_of(std::size_t pixel) const;
+
   FilmOptions options_;
+  PassOrder order_;
   std::vector<ProgressivePixel> state_;
   Statistics sums_;
   std::uint64_t round_begin_ = 0;

@@ -18,7 +18,7 @@ Result<void> write_images(const Film& film, const ResultLabels& labels, const st
   // Row by row: beside the film itself no image is ever in memory.
   ImageRows image = film.image_rows();
   result.error = film.estimated_error();
-  result.passes = sums.sub_passes;
+  result.passes = film.order().mean_passes(sums.sub_passes);
   result.rounds = film.rounds();
   result.photon_paths = sums.photon_paths;
   result.photons_stored = sums.photons_stored;

@@ -35,6 +35,12 @@ bool add_features(FeatureSums& sum, const FeatureSums& f) {
   return exact;
 }
 
+bool add_extra(ExtraSums& sum, const ExtraSums& e) {
+  bool exact = add_exact(sum.marks, e.marks);
+  for (std::size_t c = 0; c < 3; ++c) exact = exact && add_exact(sum.specular[c], e.specular[c]);
+  return exact;
+}
+
 }  // namespace
 
 SumScale SumScale::from_scene(double mean_radiance, double photon_flux, double diagonal) {
@@ -64,6 +70,12 @@ Result<void> Statistics::add(const Statistics& other) {
   for (std::size_t i = 0; i < other.features.size(); ++i) {
     if (!add_features(features[i], other.features[i])) {
       return fail(ErrorKind::kInternal, fmt::format("statistics: features of pixel {} overflow", i));
+    }
+  }
+  if (extras.empty()) extras.resize(other.extras.size());
+  for (std::size_t i = 0; i < other.extras.size(); ++i) {
+    if (!add_extra(extras[i], other.extras[i])) {
+      return fail(ErrorKind::kInternal, fmt::format("statistics: extras of pixel {} overflow", i));
     }
   }
   sub_passes += other.sub_passes;

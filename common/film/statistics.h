@@ -47,6 +47,20 @@ struct FeatureSums {
   friend bool operator==(const FeatureSums&, const FeatureSums&) = default;
 };
 
+/// What only some methods sum per pixel, and what its four integers then mean.
+enum class Extra : std::uint8_t {
+  kNone,
+  kSpecular,      ///< radiance seen through sharp reflections or refractions (r, g, b), and nothing
+  kGatherPoints,  ///< the same, and how often a gather point was placed here
+  kCacheRecords   ///< the same, and how often a record of the irradiance cache was placed here
+};
+struct ExtraSums {
+  std::array<std::int64_t, 3> specular{};  ///< in steps of SumScale::radiance
+  std::int64_t marks = 0;
+
+  friend bool operator==(const ExtraSums&, const ExtraSums&) = default;
+};
+
 /// Steps of the fixed-point sums. Powers of two that follow from the scene's emitted flux and the spec alone.
 struct SumScale {
   double radiance = 0x1p-24;    ///< W sr^-1 m^-2 per step of `direct` (and of `flow` outside shared mode)
@@ -93,6 +107,7 @@ struct Statistics {
   int height = 0;
   std::vector<PixelSums> pixels;      ///< row by row from the top
   std::vector<FeatureSums> features;  ///< likewise; may be empty in results that hold no sub-pass below kFeatureSubPasses
+  std::vector<ExtraSums> extras;      ///< likewise; empty for Extra::kNone
   std::uint64_t sub_passes = 0;
   std::uint64_t photon_paths = 0;
   std::uint64_t photons_stored = 0;
@@ -100,11 +115,17 @@ struct Statistics {
   Faults faults;
 
   Statistics() = default;
-  Statistics(int w, int h, bool with_features = true)
+  Statistics(int w, int h, bool with_features = true, bool with_extras = false)
       : width(w),
         height(h),
         pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)),
-        features(with_features ? pixels.size() : 0) {}
+        features(with_features ? pixels.size() : 0),
+        extras(with_extras ? pixels.size() : 0) {}
+  /// Makes room for what a sub-pass with this eye sample sums beside pixels.
+  void make_room(std::uint64_t sample, Extra extra) {
+    if (sample < kFeatureSubPasses && features.empty()) features.resize(pixels.size());
+    if (extra != Extra::kNone && extras.empty()) extras.resize(pixels.size());
+  }
   /// Adds another result of the same size. Error (kInternal) when a sum overflows.
   [[nodiscard]] Result<void> add(const Statistics& other);
 };

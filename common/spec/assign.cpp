@@ -106,6 +106,13 @@ class Assigner {
     return {};
   }
 
+  Result<void> operator()(const BooleanKind& kind) const {
+    const auto* boolean = std::get_if<bool>(&value_.data);
+    if (boolean == nullptr) return refuse(describe(value_));
+    kind.set(spec_, *boolean);
+    return {};
+  }
+
  private:
   static std::string quoted(std::string_view text) { return fmt::format("\"{}\"", printable(text)); }
 

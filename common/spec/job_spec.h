@@ -21,6 +21,10 @@ enum class IntegratorType {
   kSppm
 };
 enum class ProgressiveMode { kShared, kIndependent };
+enum class PhotonFilter { kDisc, kCone, kGaussian };
+enum class Switch { kAuto, kOn, kOff };
+enum class GatherSource { kPhotonMap, kPath };
+enum class SplatKernel { kEpanechnikov, kCone, kGaussian };
 
 /// One job: what a user submits. Field by field the job file of the contract (README, jobs/SPEC.md); every
 /// field has its default here and nowhere else.
@@ -55,6 +59,37 @@ struct JobSpec {
     int max_depth = 32;               ///< bounces; 0: no bound but Russian roulette
     std::uint64_t seed = 1;
   } integrator;
+  /// The maps of photon_map, final_gather and irradiance_cache.
+  struct PhotonMap {
+    std::int64_t caustic_photons = 500000;  ///< paths of the caustic map; those of the global one: integrator.photons
+    int nearest = 100;                      ///< photons of an estimate from the global map
+    int caustic_nearest = 60;               ///< same, caustic map
+    double max_distance = 0.0;              ///< metres; 0: from the scene
+    PhotonFilter filter = PhotonFilter::kCone;
+    Switch projection_map = Switch::kAuto;
+    bool show_map = false;                  ///< photon_map: the map's estimate at what the eye sees, and nothing else
+  } photon_map;
+  struct FinalGather {
+    int rays = 256;                         ///< of one hemisphere
+    double importance = 0.5;                ///< part of them that is sampled from the photon map
+    bool precompute = true;                 ///< irradiance at photons
+    double error = 0.1;                     ///< bound on the relative error of interpolation; 0: gather at every sample
+  } final_gather;
+  struct IrradianceCache {
+    double error = 0.15;                    ///< a of [Ward 1988]; smaller: more records
+    int rays = 512;                         ///< of one record
+    double min_spacing = 1.5;               ///< pixels between records, at least
+    double max_spacing = 40.0;              ///< at most
+    GatherSource source = GatherSource::kPhotonMap;
+  } irradiance_cache;
+  struct Cache {
+    std::string file;                       ///< records are read from here and written back; empty: none
+  } cache;
+  struct PhotonSplat {
+    SplatKernel kernel = SplatKernel::kEpanechnikov;
+    bool differentials = true;              ///< footprints from photon differentials
+    double smoothing = 1.0;                 ///< multiplies the kernels' widths
+  } photon_splat;
   struct Stop {
     std::int64_t passes = 64;         ///< 0: no bound
     double seconds = 0;               ///< 0: no bound

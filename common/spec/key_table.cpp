@@ -14,7 +14,12 @@ namespace {
 constexpr std::array<std::string_view, 8> kIntegrators = {
     "auto", "path", "photon_map", "final_gather", "irradiance_cache", "photon_splat", "ppm", "sppm"};
 constexpr std::array<std::string_view, 2> kModes = {"shared", "independent"};
+constexpr std::array<std::string_view, 3> kFilters = {"disc", "cone", "gaussian"};
+constexpr std::array<std::string_view, 3> kSwitches = {"auto", "on", "off"};
+constexpr std::array<std::string_view, 2> kGatherSources = {"photon_map", "path"};
+constexpr std::array<std::string_view, 3> kSplatKernels = {"epanechnikov", "cone", "gaussian"};
 constexpr std::array<std::string_view, 2> kSceneFiles = {".gltf", ".glb"};
+constexpr std::array<std::string_view, 1> kCacheFiles = {".pfcache"};
 constexpr std::array<std::string_view, 2> kEnvironmentFiles = {".hdr", ".exr"};
 
 constexpr double kMaxMetres = 1e9;
@@ -64,15 +69,26 @@ constexpr ChoiceKind choice(std::span<const std::string_view> names) {
           [](JobSpec& spec, std::size_t index) { spec.*kTable.*kField = static_cast<T>(index); }};
 }
 
+template <auto kTable, auto kField>
+constexpr BooleanKind boolean() {
+  return {[](const JobSpec& spec) { return spec.*kTable.*kField; },
+          [](JobSpec& spec, bool value) { spec.*kTable.*kField = value; }};
+}
+
 constexpr IntegerKind kVersion = {
     1, 1, [](const JobSpec& spec) { return std::int64_t{spec.spec_version}; },
     [](JobSpec& spec, std::int64_t v) { spec.spec_version = static_cast<int>(v); }};
 
-constexpr std::array<Table, 7> kTables = {{
+constexpr std::array<Table, 12> kTables = {{
     {"job", "The job itself."},
     {"scene", "What is rendered. Paths are relative to the job file; nothing outside its folder is read."},
     {"image", "The picture."},
     {"integrator", "How light is computed."},
+    {"photon_map", "The photon maps of photon_map, final_gather and irradiance_cache."},
+    {"final_gather", "Indirect light of final_gather."},
+    {"irradiance_cache", "Indirect light of irradiance_cache."},
+    {"cache", "Where irradiance_cache keeps its records between renders."},
+    {"photon_splat", "Photon rays of photon_splat."},
     {"stop", "When the job is done: whichever comes first. At least one bound must be given."},
     {"checkpoint", "What an interruption may cost."},
     {"faults", "What a farm does about workers that fail."},
@@ -83,6 +99,11 @@ constexpr auto kJob = &S::job;
 constexpr auto kScene = &S::scene;
 constexpr auto kImage = &S::image;
 constexpr auto kIntegrator = &S::integrator;
+constexpr auto kPhotonMap = &S::photon_map;
+constexpr auto kFinalGather = &S::final_gather;
+constexpr auto kIrradianceCache = &S::irradiance_cache;
+constexpr auto kCache = &S::cache;
+constexpr auto kPhotonSplat = &S::photon_splat;
 constexpr auto kStop = &S::stop;
 constexpr auto kCheckpoint = &S::checkpoint;
 constexpr auto kFaults = &S::faults;
@@ -149,8 +170,63 @@ constexpr std::array kKeys = {
     Key{"integrator", "seed", kOptional, kDecides, "", "Seed of all random numbers of the job.",
         integer<kIntegrator, &S::Integrator::seed>(0, kMaxSeed)},
 
+    Key{"photon_map", "caustic_photons", kOptional, kDecides, "paths",
+        "Photon paths of the caustic map; those of the global map are integrator.photons.",
+        integer<kPhotonMap, &S::PhotonMap::caustic_photons>(1, kMax32)},
+    Key{"photon_map", "nearest", kOptional, kDecides, "photons", "Photons of an estimate from the global map.",
+        integer<kPhotonMap, &S::PhotonMap::nearest>(1, 10000)},
+    Key{"photon_map", "caustic_nearest", kOptional, kDecides, "photons", "Photons of an estimate from the caustic map.",
+        integer<kPhotonMap, &S::PhotonMap::caustic_nearest>(1, 10000)},
+    Key{"photon_map", "max_distance", kOptional, kDecides, "m",
+        "No photon further away counts in an estimate; 0: chosen from the scene.",
+        real<kPhotonMap, &S::PhotonMap::max_distance>(0, kMaxMetres)},
+    Key{"photon_map", "filter", kOptional, kDecides, "", "How an estimate weighs photons by distance.",
+        choice<kPhotonMap, &S::PhotonMap::filter>(kFilters)},
+    Key{"photon_map", "projection_map", kOptional, kDecides, "",
+        "Photons only towards what the lights see; auto: where that is little.",
+        choice<kPhotonMap, &S::PhotonMap::projection_map>(kSwitches)},
+    Key{"photon_map", "show_map", kOptional, kDecides, "",
+        "photon_map shows the estimate from its map at the first surfaces, and nothing else.",
+        boolean<kPhotonMap, &S::PhotonMap::show_map>()},
+
+    Key{"final_gather", "rays", kOptional, kDecides, "rays", "Gather rays of one point.",
+        integer<kFinalGather, &S::FinalGather::rays>(1, 65536)},
+    Key{"final_gather", "importance", kOptional, kDecides, "",
+        "Part of the gather rays that is sampled from the photons around the point.",
+        real<kFinalGather, &S::FinalGather::importance>(0, 1)},
+    Key{"final_gather", "precompute", kOptional, kDecides, "",
+        "Irradiance is computed at photons beforehand; gather rays then ask for the nearest alone.",
+        boolean<kFinalGather, &S::FinalGather::precompute>()},
+    Key{"final_gather", "error", kOptional, kDecides, "",
+        "Bound on the relative error of interpolating between gather points; 0: gather at every sample.",
+        real<kFinalGather, &S::FinalGather::error>(0, 1)},
+
+    Key{"irradiance_cache", "error", kOptional, kDecides, "",
+        "Error that a record may be used with; smaller: more records.",
+        real<kIrradianceCache, &S::IrradianceCache::error>(0, 1, true)},
+    Key{"irradiance_cache", "rays", kOptional, kDecides, "rays", "Gather rays of one record.",
+        integer<kIrradianceCache, &S::IrradianceCache::rays>(4, 65536)},
+    Key{"irradiance_cache", "min_spacing", kOptional, kDecides, "pixels", "Least distance between records.",
+        real<kIrradianceCache, &S::IrradianceCache::min_spacing>(0, 1000)},
+    Key{"irradiance_cache", "max_spacing", kOptional, kDecides, "pixels", "Greatest distance that a record is used over.",
+        real<kIrradianceCache, &S::IrradianceCache::max_spacing>(1, 10000)},
+    Key{"irradiance_cache", "source", kOptional, kDecides, "", "Where gather rays take their radiance from.",
+        choice<kIrradianceCache, &S::IrradianceCache::source>(kGatherSources)},
+
+    Key{"cache", "file", kOptional, kDecides, "",
+        "Records of irradiance_cache are read from this file when it is there, and written to it.",
+        text<kCache, &S::Cache::file>(TextForm::kPath, 1024, kCacheFiles)},
+
+    Key{"photon_splat", "kernel", kOptional, kDecides, "", "How a photon ray's light spreads around it.",
+        choice<kPhotonSplat, &S::PhotonSplat::kernel>(kSplatKernels)},
+    Key{"photon_splat", "differentials", kOptional, kDecides, "",
+        "Footprints follow from photon differentials: elliptic, sharp where light is focused.",
+        boolean<kPhotonSplat, &S::PhotonSplat::differentials>()},
+    Key{"photon_splat", "smoothing", kOptional, kDecides, "", "Multiplies the width of all kernels.",
+        real<kPhotonSplat, &S::PhotonSplat::smoothing>(0, 1000, true)},
+
     Key{"stop", "passes", kOptional, kIrrelevant, "sub-passes",
-        "Sub-passes (path: samples per pixel); 0: no bound.", integer<kStop, &S::Stop::passes>(0, kMax32)},
+        "Sub-passes; for path samples per pixel, for photon_map, final_gather and irradiance_cache the same in fours; 0: no bound.", integer<kStop, &S::Stop::passes>(0, kMax32)},
     Key{"stop", "seconds", kOptional, kIrrelevant, "s", "Seconds of rendering; 0: no bound.",
         real<kStop, &S::Stop::seconds>(0, kMaxSeconds)},
     Key{"stop", "error", kOptional, kIrrelevant, "", "Estimated relative error of the image; 0: no bound.",
@@ -207,6 +283,7 @@ struct Describe {
   std::string operator()(const ChoiceKind& kind) const {
     return fmt::format("one of {}", fmt::join(kind.names, ", "));
   }
+  std::string operator()(const BooleanKind&) const { return "true or false"; }
 };
 
 }  // namespace

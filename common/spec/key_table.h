@@ -55,7 +55,12 @@ struct ChoiceKind {
   void (*set)(JobSpec&, std::size_t);
 };
 
-using Kind = std::variant<IntegerKind, RealKind, RealsKind, TextKind, ChoiceKind>;
+struct BooleanKind {
+  bool (*get)(const JobSpec&);
+  void (*set)(JobSpec&, bool);
+};
+
+using Kind = std::variant<IntegerKind, RealKind, RealsKind, TextKind, ChoiceKind, BooleanKind>;
 
 struct Key {
   std::string_view table;  ///< empty: at the top of the file

@@ -60,6 +60,7 @@ struct DescribeKind {
   ordered_json operator()(const ChoiceKind& kind) const {
     return {{"type", "string"}, {"enum", std::vector<std::string>(kind.names.begin(), kind.names.end())}};
   }
+  ordered_json operator()(const BooleanKind&) const { return {{"type", "boolean"}}; }
 };
 
 ordered_json describe_key(const Key& key) {

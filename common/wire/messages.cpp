@@ -78,6 +78,8 @@ wire::FilmOptions to_wire(const FilmOptions& options) {
   out.set_depth_step(options.scale.depth);
   out.set_alpha(options.alpha);
   out.set_round_growth(options.round_growth);
+  out.set_extra(static_cast<std::uint32_t>(options.extra));
+  out.set_part_edge(static_cast<std::uint32_t>(options.part_edge));
   return out;
 }
 
@@ -90,6 +92,8 @@ Result<FilmOptions> from_wire(const wire::FilmOptions& options) {
   out.scale = {options.radiance_step(), options.flow_step(), options.square_step(), options.depth_step()};
   out.alpha = options.alpha();
   out.round_growth = options.round_growth();
+  out.extra = static_cast<Extra>(options.extra());
+  out.part_edge = static_cast<int>(options.part_edge());
   return out;
 }
 

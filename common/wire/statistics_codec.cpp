@@ -1,8 +1,8 @@
 // Tiles of pixel and feature sums (magic "PFS1"), inside the chunks of chunk.h:
 //   u32  index of the tile
-//   u8   parts: bit 0 pixel sums, bit 1 feature sums; the others are all zero. Never none: such a tile is
+//   u8   parts: bit 0 pixel sums, bit 1 feature sums, bit 2 extra sums; the others are all zero. Never none: such a tile is
 //   left out then the columns (columns.h) of each part: direct, flow, square, photons; albedo, normal,
-//   depth_and_samples
+//   depth_and_samples; specular, marks
 // A tile holds kTilePixels pixels, the last one of the image what is left.
 
 #include "common/wire/statistics_codec.h"
@@ -20,7 +20,7 @@ namespace pf {
 namespace {
 
 constexpr std::string_view kMagic = "PFS1";
-enum Part : unsigned char { kPixels = 1, kFeatures = 2 };
+enum Part : unsigned char { kPixels = 1, kFeatures = 2, kExtras = 4 };
 constexpr std::size_t kTileHeaderBytes = 5;
 
 constexpr std::size_t at(std::size_t member, std::size_t element, std::size_t bytes) {
@@ -49,10 +49,18 @@ constexpr std::array kFeatureColumns = [] {
   columns[i++] = {offsetof(FeatureSums, depth_and_samples), ColumnType::kUint32};
   return columns;
 }();
-static_assert(sizeof(PixelSums) == 88 && sizeof(FeatureSums) == 16, "a member was added: it needs a column");
+constexpr std::array kExtraColumns = [] {
+  std::array<Column, 4> columns{};
+  for (std::size_t c = 0; c < 3; ++c) columns[c] = {at(offsetof(ExtraSums, specular), c, 8), ColumnType::kInt64};
+  columns[3] = {offsetof(ExtraSums, marks), ColumnType::kInt64};
+  return columns;
+}();
+static_assert(sizeof(PixelSums) == 88 && sizeof(FeatureSums) == 16 && sizeof(ExtraSums) == 32,
+              "a member was added: it needs a column");
 
 constexpr std::size_t kMostTileBytes =
-    kTileHeaderBytes + most_bytes(kPixelColumns, kTilePixels) + most_bytes(kFeatureColumns, kTilePixels);
+    kTileHeaderBytes + most_bytes(kPixelColumns, kTilePixels) + most_bytes(kFeatureColumns, kTilePixels) +
+    most_bytes(kExtraColumns, kTilePixels);
 
 template <typename Record>
 Records records_of(const std::vector<Record>& records, std::size_t begin, std::size_t count) {
@@ -75,6 +83,7 @@ struct Tile {
   unsigned char parts = 0;
   std::array<PackedColumn, kPixelColumns.size()> pixels;
   std::array<PackedColumn, kFeatureColumns.size()> features;
+  std::array<PackedColumn, kExtraColumns.size()> extras;
 };
 
 bool take_tile(std::string_view& rest, std::size_t image_pixels, Tile& tile) {
@@ -82,12 +91,13 @@ bool take_tile(std::string_view& rest, std::size_t image_pixels, Tile& tile) {
   std::memcpy(&tile.index, rest.data(), sizeof tile.index);
   tile.parts = static_cast<unsigned char>(rest[sizeof tile.index]);
   rest.remove_prefix(kTileHeaderBytes);
-  if (tile.index >= most_chunks(image_pixels) || tile.parts == 0 || tile.parts > (kPixels | kFeatures))
+  if (tile.index >= most_chunks(image_pixels) || tile.parts == 0 || tile.parts > (kPixels | kFeatures | kExtras))
     return false;
   tile.begin = tile.index * kTilePixels;
   tile.count = std::min(kTilePixels, image_pixels - tile.begin);
   return ((tile.parts & kPixels) == 0 || take_columns(rest, kPixelColumns, tile.count, tile.pixels)) &&
-         ((tile.parts & kFeatures) == 0 || take_columns(rest, kFeatureColumns, tile.count, tile.features));
+         ((tile.parts & kFeatures) == 0 || take_columns(rest, kFeatureColumns, tile.count, tile.features)) &&
+         ((tile.parts & kExtras) == 0 || take_columns(rest, kExtraColumns, tile.count, tile.extras));
 }
 
 /// What adding or taking off met. Kept apart from the loops, which always run to their end.
@@ -173,17 +183,21 @@ void apply_tile(const Tile& tile, Statistics& into, Trouble& trouble) {
     check_samples<kDirection>(tile.features.back(), features, tile.count, trouble);
     apply_part<kDirection>(kFeatureColumns, tile.features, features, tile.count, trouble);
   }
+  if ((tile.parts & kExtras) != 0) {
+    apply_part<kDirection>(kExtraColumns, tile.extras, into.extras.data() + tile.begin, tile.count, trouble);
+  }
 }
 
 struct Walk {
   std::size_t end_tile = 0;  ///< the one after the last
   bool features = false;
+  bool extras = false;
 };
 
 /// Looks at the frame of every tile, so that what follows may trust it.
 Result<Walk> walk(const ChunkContent& content, std::size_t image_pixels, std::size_t next_tile) {
   std::string_view rest = content.body();
-  Walk walk{next_tile, false};
+  Walk walk{next_tile, false, false};
   Tile tile;
   for (std::uint32_t i = 0; i < content.tiles; ++i) {
     if (!take_tile(rest, image_pixels, tile)) {
@@ -197,6 +211,7 @@ Result<Walk> walk(const ChunkContent& content, std::size_t image_pixels, std::si
     }
     walk.end_tile = std::size_t{tile.index} + 1;
     walk.features |= (tile.parts & kFeatures) != 0;
+    walk.extras |= (tile.parts & kExtras) != 0;
   }
   if (!rest.empty()) return fail(ErrorKind::kInvalidInput, "chunk refused: bytes after its last tile");
   return walk;
@@ -238,7 +253,8 @@ Result<ChunkContent> open_statistics(std::string_view chunk, const Statistics& i
 PackedStatistics pack_statistics(const Statistics& statistics) {
   PackedStatistics packed;
   packed.raw_bytes =
-      statistics.pixels.size() * sizeof(PixelSums) + statistics.features.size() * sizeof(FeatureSums);
+      statistics.pixels.size() * sizeof(PixelSums) + statistics.features.size() * sizeof(FeatureSums) +
+      statistics.extras.size() * sizeof(ExtraSums);
   ChunkWriter writer(kMagic, [&](std::string_view chunk) -> Result<void> {
     packed.chunks.emplace_back(chunk);
     return {};
@@ -247,6 +263,7 @@ PackedStatistics pack_statistics(const Statistics& statistics) {
     const std::size_t count = std::min(kTilePixels, statistics.pixels.size() - begin);
     unsigned char parts = all_zero(statistics.pixels, begin, count) ? 0 : kPixels;
     if (!statistics.features.empty() && !all_zero(statistics.features, begin, count)) parts |= kFeatures;
+    if (!statistics.extras.empty() && !all_zero(statistics.extras, begin, count)) parts |= kExtras;
     if (parts == 0) continue;
     // Neither call can fail: compression into a buffer of the bound's size, and a sink that only appends.
     std::string& out = *writer.next_tile(kMostTileBytes).value();
@@ -255,6 +272,7 @@ PackedStatistics pack_statistics(const Statistics& statistics) {
     if ((parts & kPixels) != 0) pack_columns(records_of(statistics.pixels, begin, count), kPixelColumns, out);
     if ((parts & kFeatures) != 0)
       pack_columns(records_of(statistics.features, begin, count), kFeatureColumns, out);
+    if ((parts & kExtras) != 0) pack_columns(records_of(statistics.extras, begin, count), kExtraColumns, out);
   }
   packed.content = writer.finish().value();
   return packed;
@@ -275,6 +293,7 @@ Result<void> StatisticsUnpacker::add(std::string_view chunk) {
   const auto seen = walk(*content, into_.pixels.size(), state_->next_tile);
   if (!seen) return tl::unexpected(seen.error());
   if (seen->features && into_.features.empty()) into_.features.resize(into_.pixels.size());
+  if (seen->extras && into_.extras.empty()) into_.extras.resize(into_.pixels.size());
   if (auto added = apply<Direction::kAdd>(*content, into_); !added) return added;
   state_->hash.update(content->all());
   state_->next_tile = seen->end_tile;
@@ -286,8 +305,8 @@ Result<void> StatisticsUnpacker::take_off(std::string_view chunk) {
   if (!content) return tl::unexpected(content.error());
   const auto seen = walk(*content, into_.pixels.size(), 0);
   if (!seen) return tl::unexpected(seen.error());
-  if (seen->features && into_.features.empty()) {
-    return fail(ErrorKind::kInternal, "statistics: features are to be taken off where there are none");
+  if ((seen->features && into_.features.empty()) || (seen->extras && into_.extras.empty())) {
+    return fail(ErrorKind::kInternal, "statistics: sums are to be taken off where there are none");
   }
   return apply<Direction::kTakeOff>(*content, into_);
 }

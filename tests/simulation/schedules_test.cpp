@@ -27,6 +27,8 @@ JobSpec job(const std::string& name, IntegratorType type, ProgressiveMode mode, 
 JobSpec shared_job() { return job("shared", IntegratorType::kSppm, ProgressiveMode::kShared, 31); }
 JobSpec independent_job() { return job("independent", IntegratorType::kSppm, ProgressiveMode::kIndependent, 23); }
 JobSpec path_job() { return job("path", IntegratorType::kPath, ProgressiveMode::kShared, 17); }
+/// A method whose sub-passes are tiles of the image.
+JobSpec tiles_job() { return job("tiles", IntegratorType::kPhotonMap, ProgressiveMode::kShared, 4); }
 
 /// Simulated seconds that no schedule needs: beyond them something is stuck.
 constexpr double kStuck = 5000.0;
@@ -47,8 +49,8 @@ void expect_the_single_nodes_images(World& world, const std::vector<JobSpec>& sp
 TEST(Schedules, UndisturbedWorkersMakeTheSingleNodesImageWithoutTracingTwice) {
   World world(1, {});
   for (const char* name : {"a", "b", "c"}) world.add_worker(name);
-  expect_the_single_nodes_images(world, {shared_job(), independent_job(), path_job()}, 1);
-  EXPECT_EQ(world.traced(), 31u + 23u + 17u);
+  expect_the_single_nodes_images(world, {shared_job(), independent_job(), path_job(), tiles_job()}, 1);
+  EXPECT_EQ(world.traced(), 31u + 23u + 17u + PassOrder(pretended_film(tiles_job())).sub_passes(4));
 }
 
 class Seeds : public testing::TestWithParam<int> {
@@ -75,12 +77,12 @@ TEST_P(Seeds, GiveTheSingleNodesImageWhateverHappens) {
     mischief.kill_coordinator = up_to(0.03);
     mischief.kill_engine = up_to(0.03);
     mischief.lose_queue = seed % 3 == 0 ? 0.5 : 0.0;
-    mischief.fill_disk = seed % 5 == 0 ? 0.02 : 0.0;
+    mischief.fill_disk = seed % 7 == 0 ? 0.02 : 0.0;
     World world(seed, mischief);
     for (const char* name : {"a", "b", "c"}) world.add_worker(name);
-    const JobSpec specs[] = {shared_job(), independent_job(), path_job()};
-    std::vector<JobSpec> jobs{specs[seed % 3]};
-    if (seed % 4 == 0) jobs.push_back(specs[(seed + 1) % 3]);
+    const JobSpec specs[] = {shared_job(), independent_job(), path_job(), tiles_job()};
+    std::vector<JobSpec> jobs{specs[seed % 4]};
+    if (seed % 5 == 0) jobs.push_back(specs[(seed + 1) % 4]);
     expect_the_single_nodes_images(world, jobs, seed);
     if (HasFailure()) return;
   }

@@ -2,20 +2,17 @@
 
 #include <algorithm>
 
-#include "worker/integrators/path.h"
-#include "worker/integrators/sppm.h"
+#include "worker/integrators/factory.h"
 
 namespace pf::test {
 
 std::unique_ptr<const Integrator> make_integrator(const Scene& scene, const JobSpec& spec) {
-  const Camera& camera = scene.cameras().front();
-  if (spec.integrator.type == IntegratorType::kPath)
-    return std::make_unique<PathIntegrator>(scene, camera, spec);
-  return std::make_unique<SppmIntegrator>(scene, camera, spec);
+  return pf::make_integrator(spec.integrator.type, scene, scene.cameras().front(), spec);
 }
 
-Film render(const Integrator& integrator, std::uint64_t sub_passes) {
+Film render(const Integrator& integrator, std::uint64_t passes) {
   Film film(integrator.film_options());
+  const std::uint64_t sub_passes = film.order().sub_passes(passes);
   auto radii = integrator.initial_radii();
   if (!radii.empty()) film.set_initial_radii(std::move(radii));
   while (film.sub_passes() < sub_passes) {
@@ -28,8 +25,8 @@ Film render(const Integrator& integrator, std::uint64_t sub_passes) {
   return film;
 }
 
-Film render(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes) {
-  return render(*make_integrator(scene, spec), sub_passes);
+Film render(const Scene& scene, const JobSpec& spec, std::uint64_t passes) {
+  return render(*make_integrator(scene, spec), passes);
 }
 
 std::vector<Rgb> layer_of(const Film& film, std::string_view layer) {

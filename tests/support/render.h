@@ -14,13 +14,12 @@
 
 namespace pf::test {
 
-/// The algorithm of spec.integrator (path, or else SPPM in the mode it names), seen by the scene's first
-/// camera.
+/// The algorithm of spec.integrator, which names one, seen by the scene's first camera.
 [[nodiscard]] std::unique_ptr<const Integrator> make_integrator(const Scene& scene, const JobSpec& spec);
 
-/// Renders sub-passes 0..n-1, round by round, on the threads of the calling arena.
-[[nodiscard]] Film render(const Integrator& integrator, std::uint64_t sub_passes);
-[[nodiscard]] Film render(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes);
+/// Renders so many passes over the image, round by round, on the threads of the calling arena.
+[[nodiscard]] Film render(const Integrator& integrator, std::uint64_t passes);
+[[nodiscard]] Film render(const Scene& scene, const JobSpec& spec, std::uint64_t passes);
 
 /// A layer of the film's image ("": beauty), RGB by pixel.
 [[nodiscard]] std::vector<Rgb> layer_of(const Film& film, std::string_view layer = "");

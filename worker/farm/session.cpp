@@ -166,12 +166,10 @@ void Session::begin_work() {
   if (task.kind() == wire::Task::PREPARE) {
     work.kind = Work::Kind::kPrepare;
   } else {
-    const bool features = task.unit().first_sub_pass() < kFeatureSubPasses;
     if (!held_) {
       held_ = Held{task.job_id(), task.round_begin(), {}, {}, {}, 0.0, clock_.now()};
-      held_->sums = std::make_shared<Statistics>(static_cast<int>(task.width()), static_cast<int>(task.height()), features);
+      held_->sums = std::make_shared<Statistics>(static_cast<int>(task.width()), static_cast<int>(task.height()), false);
     }
-    if (features && held_->sums->features.empty()) held_->sums->features.resize(held_->sums->pixels.size());
     work.first_sub_pass = task.unit().first_sub_pass();
     work.sub_passes = task.unit().sub_passes();
     static const auto kNoRadii = std::make_shared<const std::vector<ProgressivePixel>>();

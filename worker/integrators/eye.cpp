@@ -52,6 +52,10 @@ void Tally::commit() {
     exact = add_quantised(sums_.flow[f], flow_[f], scale_.flow) && exact;
     all += flow_[f];
   }
+  if (extra_ != nullptr && !is_zero(specular_)) {
+    exact = add_quantised(extra_->specular, specular_, scale_.radiance) && exact;
+    all += specular_;
+  }
   if (!exact) ++faults_.overflow;
   // The square only feeds the error estimate: where it leaves its range, it stays out.
   const double l = luminance(all);
@@ -60,17 +64,22 @@ void Tally::commit() {
 
 void for_each_tile(int width, int height, Statistics& total,
                    const std::function<void(const Tile& tile, TileFigures& figures)>& visit) {
-  const int columns = (width + kTileEdge - 1) / kTileEdge;
-  const int rows = (height + kTileEdge - 1) / kTileEdge;
+  for_each_tile(Tile{0, 0, width, height}, total, visit);
+}
+
+void for_each_tile(const Tile& region, Statistics& total,
+                   const std::function<void(const Tile& tile, TileFigures& figures)>& visit) {
+  const int columns = (region.x1 - region.x0 + kTileEdge - 1) / kTileEdge;
+  const int rows = (region.y1 - region.y0 + kTileEdge - 1) / kTileEdge;
   std::atomic<std::uint64_t> rays{0};
   std::atomic<std::uint64_t> not_finite{0};
   std::atomic<std::uint64_t> overflow{0};
   parallel_for(static_cast<std::size_t>(columns * rows), [&](std::size_t tile) {
     const int index = static_cast<int>(tile);
     TileFigures figures;
-    const int x0 = index % columns * kTileEdge;
-    const int y0 = index / columns * kTileEdge;
-    visit({x0, y0, std::min(width, x0 + kTileEdge), std::min(height, y0 + kTileEdge)}, figures);
+    const int x0 = region.x0 + index % columns * kTileEdge;
+    const int y0 = region.y0 + index / columns * kTileEdge;
+    visit({x0, y0, std::min(region.x1, x0 + kTileEdge), std::min(region.y1, y0 + kTileEdge)}, figures);
     rays += figures.rays;
     not_finite += figures.faults.not_finite;
     overflow += figures.faults.overflow;

@@ -47,9 +47,15 @@ void add_features(FeatureSums& sums, const SumScale& scale, const Vertex& vertex
 /// A pixel's tally of one sub-pass, added to its exact sums at the end.
 class Tally {
  public:
-  Tally(PixelSums& sums, const SumScale& scale, Faults& faults) : sums_(sums), scale_(scale), faults_(faults) {}
+  /// `extra`: null for methods without a layer of their own.
+  Tally(PixelSums& sums, ExtraSums* extra, const SumScale& scale, Faults& faults)
+      : sums_(sums), extra_(extra), scale_(scale), faults_(faults) {}
   void add_direct(const Rgb& radiance) { add(direct_, radiance); }
   void add_flow(Flow flow, const Rgb& radiance) { add(flow_[flow], radiance); }
+  /// Light seen through sharp reflections or refractions; needs `extra`.
+  void add_specular(const Rgb& radiance) { add(specular_, radiance); }
+  /// Something was placed at this pixel (Extra says what); needs `extra`.
+  void mark() { ++extra_->marks; }
   /// Writes radiance sums, and the square of the luminance of all that was added.
   void commit();
 
@@ -62,9 +68,11 @@ class Tally {
     }
   }
   PixelSums& sums_;
+  ExtraSums* extra_;
   const SumScale& scale_;
   Faults& faults_;
   Rgb direct_{0, 0, 0};
+  Rgb specular_{0, 0, 0};
   std::array<Rgb, kFlows> flow_{Rgb{0, 0, 0}, Rgb{0, 0, 0}};
 };
 
@@ -76,7 +84,10 @@ struct TileFigures {
 struct Tile {
   int x0, y0, x1, y1;   ///< the last ones are outside
 };
-/// Calls `visit(tile, figures)` for every tile of the image, in parallel.
+/// Calls `visit(tile, figures)` for every tile of a region, in parallel.
+void for_each_tile(const Tile& region, Statistics& total,
+                   const std::function<void(const Tile& tile, TileFigures& figures)>& visit);
+/// The same for the whole image.
 void for_each_tile(int width, int height, Statistics& total,
                    const std::function<void(const Tile& tile, TileFigures& figures)>& visit);
 /// Calls `visit(x, y, figures)` for every pixel, in parallel by tiles.

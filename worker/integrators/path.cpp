@@ -51,7 +51,7 @@ void PathIntegrator::trace(int x, int y, std::uint64_t sample, PixelSums& sums, 
   Ray ray = start.ray;
   MediumStack media = eye_.media();
   BsdfTechnique technique{.position = ray.origin};
-  Tally tally(sums, film_.scale, figures.faults);
+  Tally tally(sums, nullptr, film_.scale, figures.faults);
   Rgb beta{1.0f, 1.0f, 1.0f};
   int rough = 0;
   bool specular_since = false;

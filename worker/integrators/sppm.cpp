@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-
 #include "common/base/parallel.h"
-#include "common/math/sampling.h"
+#include "worker/integrators/eye_paths.h"
 #include "worker/photon/covered_area.h"
 
 namespace pf {
@@ -58,119 +57,6 @@ SppmIntegrator::Trees SppmIntegrator::build_trees(PhotonBatch batch) const {
   return trees;
 }
 
-struct SppmIntegrator::Walk {
-  PixelSequence sequence;
-  Ray ray;
-  MediumStack media;
-  BsdfTechnique technique;
-  Rgb beta{1.0f, 1.0f, 1.0f};
-  Rgb beta_emission{1.0f, 1.0f, 1.0f};  ///< of light met next: there the whole BSDF counts, not the followed portion alone
-  float distance = 0.0f;
-  int bounce = 0;
-  int splits = 0;
-  float split_weight = 1.0f;            ///< part of beta that stands for split branches: roulette must not count it again
-};
-
-template <typename Sink>
-void SppmIntegrator::follow_eye_paths(int x, int y, std::uint64_t sub_pass, Sink& sink) const {
-  const Eye::Start start = eye_.start(x, y, sub_pass);
-  thread_local std::vector<Walk> pending;  // one allocation a thread
-  pending.clear();
-  const BsdfTechnique lens{.position = start.ray.origin};
-  follow(Walk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = lens}, pending, sink);
-  while (!pending.empty()) {
-    const Walk next = pending.back();
-    pending.pop_back();
-    follow(next, pending, sink);
-  }
-}
-
-template <typename Sink>
-void SppmIntegrator::follow(Walk walk, std::vector<Walk>& pending, Sink& sink) const {
-  while (true) {
-    sink.ray();
-    const auto hit = scene_.intersect(walk.ray);
-    if (!hit) {
-      sink.escape(walk.ray.direction, walk.beta_emission, walk.technique);
-      return;
-    }
-    walk.distance += hit->t;
-    if (!walk.media.empty()) {
-      const Rgb transmittance = walk.media.transmittance(scene_, length(hit->position - walk.technique.position));
-      walk.beta *= transmittance;
-      walk.beta_emission *= transmittance;
-    }
-    const Vec3f wo = -walk.ray.direction;
-    if (scene_.emits(*hit)) sink.emitter(*hit, wo, walk.beta_emission, walk.technique);
-    const Vertex vertex(scene_, *hit, wo, walk.media);
-    if (walk.bounce == 0) sink.first_hit(vertex, walk.distance);
-    if (vertex.bsdf.is_black() || (max_depth_ > 0 && walk.bounce >= max_depth_)) return;
-    if (!scatter(walk, vertex, pending, sink)) return;
-
-    constexpr int kFirstRoulette = 4;
-    constexpr float kMaxSurvival = 0.95f;  // ends paths caught between perfect mirrors
-    if (walk.bounce++ >= kFirstRoulette) {
-      const float survival = std::min(kMaxSurvival, max_component(walk.beta) / walk.split_weight);
-      if (!(survival > 0.0f) || walk.sequence.next1() >= survival) return;
-      walk.beta /= survival;
-      walk.beta_emission /= survival;
-    }
-  }
-}
-
-template <typename Sink>
-bool SppmIntegrator::scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>& pending, Sink& sink) const {
-  const Bsdf& bsdf = vertex.bsdf;
-  // Gather here or follow the reflection: chosen with probabilities, smooth in roughness.
-  const float gathered = average(bsdf.albedo(Portion::kGather));
-  const float followed = average(bsdf.albedo(Portion::kFollow));
-  if (!(gathered + followed > 0.0f)) return false;
-  const float p_gather = gathered / (gathered + followed);
-  const float p_follow = 1.0f - p_gather;
-  const float u_light = walk.sequence.next1();
-  const Vec2f u_point = walk.sequence.next2();
-  if (!bsdf.is_delta_only()) sink.direct(vertex, walk.media, u_light, u_point, p_follow, walk.beta);
-  const float u_choice = walk.sequence.next1();
-  if (u_choice < p_gather) {
-    sink.gather(vertex, walk.beta / p_gather, walk.sequence.next2(), eye_.camera().footprint(walk.distance));
-    return false;
-  }
-  // The rest of the interval, stretched, chooses the lobe: one number keeps its stratification.
-  const float u_lobe = std::min((u_choice - p_gather) / p_follow, kOneMinusEpsilon);
-  const Vec2f u_direction = walk.sequence.next2();
-  const auto go_on = [&](Walk& branch, float u, float weight) {
-    const auto next = bsdf.sample(vertex.wo, u, u_direction, Transport::kRadiance, Portion::kFollow);
-    if (!next) return false;
-    branch.beta_emission = branch.beta * next->weight * (weight / p_follow);
-    if (!next->delta) {
-      const float cosine = std::abs(dot(next->wi, bsdf.ns()));
-      branch.beta_emission =
-          branch.beta * bsdf.eval(vertex.wo, next->wi, Transport::kRadiance) * (weight * cosine / (next->pdf_w * p_follow));
-    }
-    branch.beta *= next->weight * (weight / p_follow);
-    branch.split_weight *= weight;
-    branch.technique = {next->delta, next->pdf_w * p_follow, vertex.point.position, bsdf.ns(), vertex.transmissive};
-    if (next->refracted) branch.media.cross(vertex.point.material, vertex.entering());
-    branch.ray = {offset_past(vertex.point, next->wi), next->wi};
-    return true;
-  };
-  // A lamp seen after three reflections inside glass still shows; weaker branches are left to chance.
-  constexpr int kMaxSplits = 6;
-  constexpr float kMinBranch = 1e-4f;
-  float reflect = walk.splits < kMaxSplits ? bsdf.split_probability() : 0.0f;
-  if (std::min(reflect, 1.0f - reflect) * max_component(walk.beta) < kMinBranch) reflect = 0.0f;
-  if (reflect <= 0.0f) return go_on(walk, u_lobe, 1.0f);
-  // The stronger branch goes first: it is the one whose photons steer the radius (see RadianceSink).
-  ++walk.splits;
-  Walk other = walk;
-  ++other.bounce;
-  const float u_reflect = 0.5f * reflect;
-  const float u_transmit = 0.5f * (1.0f + reflect);
-  const bool reflect_first = reflect > 0.5f;
-  if (go_on(other, reflect_first ? u_transmit : u_reflect, reflect_first ? 1.0f - reflect : reflect)) pending.push_back(other);
-  return go_on(walk, reflect_first ? u_reflect : u_transmit, reflect_first ? reflect : 1.0f - reflect);
-}
-
 /// Chooses the first radii of a pixel and keeps its discs.
 struct SppmIntegrator::RadiusSink {
   const SppmIntegrator& integrator;
@@ -180,11 +66,12 @@ struct SppmIntegrator::RadiusSink {
   TileFigures& figures;
 
   void ray() { ++figures.rays; }
-  void escape(const Vec3f&, const Rgb&, const BsdfTechnique&) {}
-  void emitter(const SurfacePoint&, const Vec3f&, const Rgb&, const BsdfTechnique&) {}
+  void escape(const EyeWalk&) {}
+  void emitter(const SurfacePoint&, const Vec3f&, const EyeWalk&) {}
   void first_hit(const Vertex&, float) {}
-  void direct(const Vertex&, const MediumStack&, float, const Vec2f&, float, const Rgb&) {}
-  void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, float footprint) {
+  void direct(const Vertex&, float, const Vec2f&, float, const EyeWalk&) {}
+  void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, const EyeWalk& walk) {
+    const float footprint = integrator.eye_.camera().footprint(walk.distance);
     for (const Flow flow : {kCaustic, kIndirect}) {
       const float radius2 = integrator.first_radius2(trees[flow], flow, vertex, footprint);
       float& least = pixel[flow].radius2;
@@ -226,7 +113,7 @@ std::vector<ProgressivePixel> SppmIntegrator::initial_radii() const {
         const std::size_t i = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
         state[i].covered_radius = kInfinity;
         RadiusSink sink{*this, trees, state[i], discs, sheet};
-        follow_eye_paths(x, y, 0, sink);
+        EyePaths(scene_, eye_, max_depth_).follow(x, y, 0, sink);
         pixels.resize(discs.size(), i);
       }
     }
@@ -277,21 +164,18 @@ struct SppmIntegrator::RadianceSink {
   int gathers = 0;
 
   void ray() { ++figures.rays; }
-  void escape(const Vec3f& d, const Rgb& beta, const BsdfTechnique& technique) {
-    const EnvironmentMap& environment = integrator.scene_.environment();
-    if (!environment.present()) return;
-    tally.add_direct(beta * environment.radiance(d) * environment_weight(integrator.scene_, d, technique));
-  }
-  void emitter(const SurfacePoint& point, const Vec3f& wo, const Rgb& beta, const BsdfTechnique& technique) {
-    tally.add_direct(beta * integrator.scene_.emitted(point, wo) * emitter_weight(integrator.scene_, point, technique));
+  void escape(const EyeWalk& walk) { tally.add_direct(environment_seen(integrator.scene_, walk)); }
+  void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
+    tally.add_direct(emission_seen(integrator.scene_, point, wo, walk));
   }
   void first_hit(const Vertex& vertex, float distance) {
     if (features != nullptr) add_features(*features, integrator.film_.scale, vertex, distance);
   }
-  void direct(const Vertex& vertex, const MediumStack& media, float u_pick, const Vec2f& u, float p_follow, const Rgb& beta) {
-    tally.add_direct(beta * direct_light(integrator.scene_, vertex, media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
+  void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
+    tally.add_direct(walk.beta *
+                     direct_light(integrator.scene_, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
   }
-  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, float) {
+  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
     ++gathers;
     for (const Flow flow : {kCaustic, kIndirect}) gather_flow(flow, vertex, beta, u);
   }
@@ -344,17 +228,18 @@ void SppmIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixe
     sums.rays += batch.rays;
     sums.faults += batch.faults;
     const Trees trees = build_trees(std::move(batch));
+    const EyePaths eye_paths(scene_, eye_, max_depth_);
     const double ratio =
         film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(s, film_.alpha) : 1.0;
     for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {
       const std::size_t i =
           static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x);
-      Tally tally(sums.pixels[i], film_.scale, figures.faults);
+      Tally tally(sums.pixels[i], nullptr, film_.scale, figures.faults);
       RadianceSink sink{*this, trees, state[i],
                         {static_cast<float>(state[i][kCaustic].radius2 * ratio),
                          static_cast<float>(state[i][kIndirect].radius2 * ratio)},
                         sums.pixels[i], s < kFeatureSubPasses ? &sums.features[i] : nullptr, figures, tally};
-      follow_eye_paths(x, y, s, sink);
+      eye_paths.follow(x, y, s, sink);
       tally.commit();
     });
     ++sums.sub_passes;

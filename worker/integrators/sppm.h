@@ -36,17 +36,6 @@ class SppmIntegrator final : public Integrator {
   using Trees = std::array<PhotonTree, kFlows>;
 
   [[nodiscard]] Trees build_trees(PhotonBatch batch) const;
-  /// An eye path on its way.
-  struct Walk;
-  /// Follows the eye paths of one sample and tells `sink` what they meet.
-  template <typename Sink>
-  void follow_eye_paths(int x, int y, std::uint64_t sub_pass, Sink& sink) const;
-  /// Follows one path to its end; a path split off at a smooth boundary is put on `pending`.
-  template <typename Sink>
-  void follow(Walk walk, std::vector<Walk>& pending, Sink& sink) const;
-  /// Scatters at a vertex; false when the path ends there.
-  template <typename Sink>
-  bool scatter(Walk& walk, const Vertex& vertex, std::vector<Walk>& pending, Sink& sink) const;
   struct RadiusSink;
   struct RadianceSink;
   [[nodiscard]] float first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const;

@@ -48,14 +48,45 @@ seconds = 5
 [faults]
 max_attempts = 3
 unit_timeout_seconds = 60.5
+[photon_map]
+caustic_photons = 7
+nearest = 8
+caustic_nearest = 9
+max_distance = 0.25
+filter = "gaussian"
+projection_map = "off"
+show_map = true
+[final_gather]
+rays = 10
+importance = 0.125
+precompute = false
+error = 0.5
+[irradiance_cache]
+error = 0.25
+rays = 11
+min_spacing = 2
+max_spacing = 12
+source = "path"
+[cache]
+file = "a.pfcache"
+[photon_splat]
+kernel = "cone"
+differentials = false
+smoothing = 2
 )";
 
 constexpr std::string_view kFullCanonical =
-    R"({"checkpoint":{"seconds":5.0},"faults":{"max_attempts":3,"unit_timeout_seconds":60.5},)"
+    R"({"cache":{"file":"a.pfcache"},"checkpoint":{"seconds":5.0},)"
+    R"("faults":{"max_attempts":3,"unit_timeout_seconds":60.5},)"
+    R"("final_gather":{"error":0.5,"importance":0.125,"precompute":false,"rays":10},)"
     R"("image":{"exposure":-1.5,"height":200,"width":320},)"
     R"("integrator":{"alpha":0.7,"initial_radius":0.01,"max_depth":8,"mode":"independent","photons":1000,)"
     R"("round_growth":0.5,"seed":9223372036854775807,"type":"sppm"},)"
+    R"("irradiance_cache":{"error":0.25,"max_spacing":12.0,"min_spacing":2.0,"rays":11,"source":"path"},)"
     R"("job":{"name":"glass-caustic","priority":70},)"
+    R"("photon_map":{"caustic_nearest":9,"caustic_photons":7,"filter":"gaussian","max_distance":0.25,)"
+    R"("nearest":8,"projection_map":"off","show_map":true},)"
+    R"("photon_splat":{"differentials":false,"kernel":"cone","smoothing":2.0},)"
     R"("scene":{"camera":"Küche \"links\"","environment":"sky/Noon.HDR","environment_radiance":[],)"
     R"("environment_scale":2.0,"file":"scenes/glass-caustic.gltf","focus_distance":3.5,"lens_radius":0.05,)"
     R"("scene":"1"},"spec_version":1,"stop":{"error":0.001,"passes":16,"seconds":0.1}})";
@@ -76,6 +107,11 @@ TEST(JobSpec, FillsInTheDefaultsOfItsFields) {
   expected.job.name = "glass";
   expected.scene.file = "glass.gltf";
   EXPECT_EQ(canonical_json(parsed(kMinimal)), canonical_json(expected));
+}
+
+TEST(JobSpec, RefusesNumbersForBooleans) {
+  EXPECT_EQ(refusal("final_gather.precompute=1"),
+            "--set final_gather.precompute=1: final_gather.precompute is the integer 1; expected true or false");
 }
 
 TEST(JobSpec, ReadsEveryKey) {
@@ -192,10 +228,10 @@ TEST(Overrides, AreNamedByTheirErrors) {
             "seconds, error; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stpo.passes=64"),
             "--set stpo.passes=64: unknown table 'stpo'; expected one of job, scene, "
-            "image, integrator, stop, checkpoint, faults; did you mean 'stop'?");
+            "image, integrator, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop'?");
   EXPECT_EQ(refusal("passes=64"),
             "--set passes=64: unknown key 'passes'; expected one of spec_version, job, scene, "
-            "image, integrator, stop, checkpoint, faults; did you mean 'stop.passes'?");
+            "image, integrator, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stop={passes=1}"),
             "--set stop={passes=1}: 'stop' is a table; expected --set stop.key=value "
             "with a key out of passes, seconds, error");
@@ -231,9 +267,9 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 
 TEST(SpecHash, IsStable) {
   EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)),
-            "5efd107f8ce38c9a1cab054fa0fa77e7fc78fb56a430b1b209ce82271bcff3dc");
+            "4cd1f9e9a71e8ce3cc190c13d690c4d951b3938d3cfdb9892157c03404476f12");
   EXPECT_EQ(image_hash_of_spec(parsed(kFull)),
-            "7ec64b4f708d16dfe9684ebe4cf86b271a9bdfb96f92cc62d826b153f2cfa3a3");
+            "20c58cddca6a46ba5358bae84b481dd7a1ab7129548e6dc0857417c43677b9a9");
 }
 
 TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
@@ -257,7 +293,9 @@ TEST(SpecHash, ChangesWithWhatDecidesTheImage) {
         "scene.scene=1", "scene.environment_radiance=[1, 1, 1]", "scene.lens_radius=1",
         "scene.focus_distance=2", "image.width=1", "image.height=1", "integrator.type=path",
         "integrator.mode=independent", "integrator.photons=1", "integrator.round_growth=1",
-        "integrator.alpha=1", "integrator.initial_radius=1", "integrator.max_depth=1", "integrator.seed=2"}) {
+        "integrator.alpha=1", "integrator.initial_radius=1", "integrator.max_depth=1", "integrator.seed=2",
+        "photon_map.nearest=1", "final_gather.precompute=false", "irradiance_cache.source=path",
+        "cache.file=a.pfcache", "photon_splat.kernel=cone"}) {
     EXPECT_NE(image_hash_of_spec(parsed(kMinimal, {argument})), image_hash_of_spec(parsed(kMinimal)))
         << argument;
   }

@@ -32,6 +32,8 @@ std::string violation(const json& schema, const json& value, const std::string& 
     for (const json& item : value) {
       if (!violation(schema["items"], item, at).empty()) return at;
     }
+  } else if (type == "boolean") {
+    if (!value.is_boolean()) return at;
   } else if (type == "string") {
     if (!value.is_string()) return at;
     const std::string text = value;

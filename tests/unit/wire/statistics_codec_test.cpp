@@ -30,7 +30,7 @@ std::string content_of(std::string_view chunk) {
 }
 
 bool equal(const Statistics& a, const Statistics& b) {
-  return a.pixels == b.pixels && a.features == b.features;
+  return a.pixels == b.pixels && a.features == b.features && a.extras == b.extras;
 }
 
 void add_all(const PackedStatistics& packed, Statistics& into) {
@@ -100,6 +100,22 @@ TEST(StatisticsCodec, MakesRoomForFeaturesWhenTheyCome) {
   Statistics into(80, 80, false);
   add_all(pack_statistics(sums), into);
   EXPECT_TRUE(equal(sums, into));
+}
+
+TEST(StatisticsCodec, BringsExtrasBackAndTakesThemOff) {
+  Statistics sums = sample_statistics(80, 80, true);
+  sums.extras.resize(sums.pixels.size());
+  for (std::size_t i = 0; i < sums.extras.size(); i += 7) {
+    sums.extras[i] = {{-static_cast<std::int64_t>(i), std::int64_t{1} << 62, 5}, static_cast<std::int64_t>(i)};
+  }
+  const PackedStatistics packed = pack_statistics(sums);
+  EXPECT_EQ(packed.raw_bytes, sums.pixels.size() * (88 + 16 + 32));
+  Statistics into(80, 80, false);
+  add_all(packed, into);
+  EXPECT_TRUE(equal(sums, into));
+  for (const std::string& chunk : packed.chunks) ASSERT_TRUE(StatisticsUnpacker(into).take_off(chunk));
+  Statistics zero(80, 80, true, true);
+  EXPECT_TRUE(equal(into, zero));
 }
 
 TEST(StatisticsCodec, TakesOffExactlyWhatWasAdded) {

@@ -1,0 +1,18 @@
+#include "worker/integrators/factory.h"
+
+#include "worker/integrators/path.h"
+#include "worker/integrators/sppm.h"
+
+namespace pf {
+
+std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Scene& scene, const Camera& camera,
+                                                  const JobSpec& spec) {
+  switch (type) {
+    case IntegratorType::kPath:
+      return std::make_unique<PathIntegrator>(scene, camera, spec);
+    default:
+      return std::make_unique<SppmIntegrator>(scene, camera, spec);
+  }
+}
+
+}  // namespace pf

@@ -1,0 +1,36 @@
+#include "worker/integrators/single_pass.h"
+
+namespace pf {
+
+SinglePassIntegrator::SinglePassIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec, Extra extra)
+    : scene_(scene),
+      eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
+      max_depth_(spec.integrator.max_depth) {
+  film_.width = spec.image.width;
+  film_.height = spec.image.height;
+  film_.estimator = Estimator::kPath;
+  film_.scale = scale_of_scene(scene, 0.0);
+  film_.extra = extra;
+  film_.part_edge = PassOrder::edge_for(spec.image.width, spec.image.height);
+}
+
+void SinglePassIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>&, Statistics& sums) const {
+  const PassOrder order(film_);
+  for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
+    const ImagePart part = order.part(s);
+    prepare(part);
+    for_each_tile(Tile{part.x0, part.y0, part.x1, part.y1}, sums, [&](const Tile& tile, TileFigures& figures) {
+      for (int y = tile.y0; y < tile.y1; ++y) {
+        for (int x = tile.x0; x < tile.x1; ++x) {
+          const std::size_t i = static_cast<std::size_t>(y) * static_cast<std::size_t>(film_.width) + static_cast<std::size_t>(x);
+          Tally tally(sums.pixels[i], &sums.extras[i], film_.scale, figures.faults);
+          render({x, y, part.sample, tally, part.sample < kFeatureSubPasses ? &sums.features[i] : nullptr, figures});
+          tally.commit();
+        }
+      }
+    });
+    ++sums.sub_passes;
+  }
+}
+
+}  // namespace pf
