@@ -1,0 +1,142 @@
+#include "worker/photon/sample_tree.h"
+
+#include <algorithm>
+#include <array>
+
+#include "common/base/parallel.h"
+#include "common/math/offset.h"
+
+namespace pf {
+namespace {
+
+constexpr std::size_t kLeafSamples = 8;
+constexpr int kBranchDepth = 8;
+/// Samples below which a subtree is built by one thread.
+constexpr std::size_t kParallelSamples = 8192;
+/// Part of the scene's size that the whole sphere of normals is worth: a split by normal then comes after a few by position.
+constexpr float kNormalShare = 0.1f;
+/// Rounding of the arithmetic in may_meet(), relative to the coordinates.
+constexpr float kRounding = 4e-6f;
+
+/// Octahedral coordinates of a unit vector: the two dimensions of direction.
+Vec2f octahedral(const Vec3f& n) {
+  const float scale = 1.0f / (std::abs(n.x) + std::abs(n.y) + std::abs(n.z));
+  const float u = n.x * scale;
+  const float v = n.y * scale;
+  if (n.z >= 0.0f) return {u, v};
+  return {(1.0f - std::abs(v)) * std::copysign(1.0f, u), (1.0f - std::abs(u)) * std::copysign(1.0f, v)};
+}
+
+float coordinate(const SplatSample& s, int dimension) {
+  if (dimension < 3) return s.position[dimension];
+  const Vec2f direction = octahedral(s.ng);
+  return dimension == 3 ? direction.x : direction.y;
+}
+
+}  // namespace
+
+SampleTree::SampleTree(std::vector<SplatSample> samples) : samples_(std::move(samples)) {
+  if (samples_.empty()) return;
+  while ((samples_.size() >> leaf_depth_) > kLeafSamples) ++leaf_depth_;
+  branch_depth_ = std::min(leaf_depth_, kBranchDepth);
+  nodes_.resize(first_of(leaf_depth_ + 1));
+  Box3f box;
+  for (const SplatSample& s : samples_) box.extendBy(s.position);
+  normal_scale_ = kNormalShare * length(box.size());
+  build(0, 0, 0);
+}
+
+void SampleTree::build(std::size_t node, int depth, std::size_t place) {
+  const std::size_t begin = begin_of(place, depth);
+  const std::size_t end = begin_of(place + 1, depth);
+  const std::span<SplatSample> range(samples_.data() + begin, end - begin);
+  if (depth == leaf_depth_) return bound(nodes_[node], range);
+  std::array<float, 5> low, high;
+  low.fill(kInfinity), high.fill(-kInfinity);
+  for (const SplatSample& s : range) {
+    for (int k = 0; k < 5; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      low[i] = std::min(low[i], coordinate(s, k));
+      high[i] = std::max(high[i], coordinate(s, k));
+    }
+  }
+  int widest = 0;
+  float width = -1.0f;
+  for (int k = 0; k < 5; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const float w = (high[i] - low[i]) * (k < 3 ? 1.0f : normal_scale_);
+    if (w > width) widest = k, width = w;
+  }
+  const std::size_t middle = begin_of(2 * place + 1, depth + 1) - begin;
+  // Equal coordinates are told apart by the caller's numbers: one order of samples.
+  std::nth_element(range.begin(), range.begin() + static_cast<std::ptrdiff_t>(middle), range.end(),
+                   [&](const SplatSample& a, const SplatSample& b) {
+                     const float ka = coordinate(a, widest);
+                     const float kb = coordinate(b, widest);
+                     return ka < kb || (ka == kb && a.id < b.id);
+                   });
+  const auto lower = [&] { build(2 * node + 1, depth + 1, 2 * place); };
+  const auto upper = [&] { build(2 * node + 2, depth + 1, 2 * place + 1); };
+  if (range.size() >= kParallelSamples) {
+    parallel_invoke(lower, upper);
+  } else {
+    lower(), upper();
+  }
+  bound(nodes_[node], range);
+}
+
+void SampleTree::bound(Node& node, std::span<const SplatSample> samples) const {
+  Box3f box;
+  Box3f normals;
+  for (const SplatSample& s : samples) {
+    box.extendBy(s.position);
+    normals.extendBy(s.ng);
+    node.least_radius = std::max(node.least_radius, s.least_radius);
+    node.both_sides = node.both_sides || s.both_sides;
+  }
+  if (samples.empty()) return;
+  const float margin = kRounding * std::max(max_magnitude(box.min), max_magnitude(box.max));
+  node.centre = box.center();
+  node.half = 0.5f * box.size() + Vec3f(margin, margin, margin);
+  node.reach = length(node.half);
+  node.normal_low = normals.min;
+  node.normal_high = normals.max;
+}
+
+bool SampleTree::may_meet(const Node& node, const RayKernel& ray) {
+  const Vec3f& d = ray.direction();
+  // The normal that faces the ray most, of all in the box of normals.
+  if (!node.both_sides) {
+    const float facing = std::min(d.x * node.normal_low.x, d.x * node.normal_high.x) +
+                         std::min(d.y * node.normal_low.y, d.y * node.normal_high.y) +
+                         std::min(d.z * node.normal_low.z, d.z * node.normal_high.z);
+    if (facing > kRounding) return false;
+  }
+  const Vec3f away = node.centre - ray.origin();
+  const float t = dot(away, d);
+  if (t + node.reach < ray.t_begin() || t - node.reach > ray.t_end()) return false;
+  const float widest = std::max(ray.radius(t - node.reach), ray.radius(t + node.reach));
+  const float rounding = kRounding * (std::abs(t) + node.reach + max_magnitude(ray.origin()));
+  const float radius = widest + node.least_radius + rounding;
+  const Vec3f across = away - d * t;
+  const float bound = node.reach + radius;
+  if (length2(across) > bound * bound) return false;
+  // The widened box against the ray, an axis at a time [Kay and Kajiya 1986].
+  float near = ray.t_begin() - rounding;
+  float far = ray.t_end() + rounding;
+  for (int k = 0; k < 3; ++k) {
+    const float half = node.half[k] + radius;
+    if (std::abs(d[k]) < 1e-6f) {
+      if (std::abs(away[k]) > half + 1e-6f * (std::abs(near) + std::abs(far))) return false;
+      continue;
+    }
+    const float inverse = 1.0f / d[k];
+    const float middle = away[k] * inverse;
+    const float spread = half * std::abs(inverse) + kRounding * std::abs(middle);
+    near = std::max(near, middle - spread);
+    far = std::min(far, middle + spread);
+  }
+  return near <= far;
+}
+
+}  // namespace pf

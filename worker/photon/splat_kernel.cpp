@@ -1,0 +1,65 @@
+#include "worker/photon/splat_kernel.h"
+
+namespace pf {
+namespace {
+
+/// A surface may bulge by this part of the kernel's radius before a sample counts as behind it, as in DiscQuery.
+constexpr float kBulge = 0.25f;
+/// Slope against the ray up to which the plane at an end is followed to the kernel's rim: beyond, its light is a thousandth.
+constexpr float kMaxSlope = 32.0f;
+/// Rounding of the spread along the ray, so that the cone is a bound.
+constexpr float kRadiusMargin = 1.0001f;
+
+/// Beyond an end the kernel reaches its own radius, and as far as the plane there needs.
+float reach(float radius, const RayKernel::Plane& plane, const Vec3f& direction) {
+  const float cosine = std::abs(dot(plane.normal, direction));
+  const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine));
+  const float slope = sine < kMaxSlope * cosine ? sine / cosine : kMaxSlope;
+  return is_zero(plane.normal) ? 0.0f : radius * std::max(1.0f, slope);
+}
+
+}  // namespace
+
+RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x, const Vec3f& axis_y,
+                     const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start,
+                     const Plane& end)
+    : origin_(origin),
+      direction_(direction),
+      axis_x_(axis_x),
+      axis_y_(axis_y),
+      length_(length),
+      at_start_(at_start),
+      linear_(linear),
+      quadratic_(quadratic),
+      start_(start),
+      end_(end),
+      first_radius_(kRadiusMargin * std::sqrt(std::max(0.0f, spread(0.0f).largest()))) {
+  const float last_radius = kRadiusMargin * std::sqrt(std::max(0.0f, spread(length).largest()));
+  radius_slope_ = length > 0.0f ? (last_radius - first_radius_) / length : 0.0f;
+  t_begin_ = -reach(first_radius_, start, direction);
+  t_end_ = length + reach(last_radius, end, direction);
+  const float end_cosine = std::abs(dot(end.normal, direction));
+  inverse_end_cosine_ = end_cosine > 0.0f ? std::min(1.0f / end_cosine, kMaxSlope) : 0.0f;
+}
+
+std::optional<RayKernel::Meeting> RayKernel::meet(const SplatSample& sample) const {
+  if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f)) return std::nullopt;
+  const Vec3f away = sample.position - origin_;
+  const float t = dot(away, direction_);
+  if (!(t >= t_begin_ && t <= t_end_)) return std::nullopt;
+  const float on_ray = std::clamp(t, 0.0f, length_);
+  // The eye's own footprint is added like the variance of one more blur: no kernel is narrower.
+  const float least2 = sample.least_radius * sample.least_radius;
+  const Spread m = spread(on_ray) + Spread{least2, 0.0f, least2};
+  const float x = dot(away, axis_x_);
+  const float y = dot(away, axis_y_);
+  const float determinant = m.determinant();
+  const float scaled = m.yy * x * x - 2.0f * m.xy * x * y + m.xx * y * y;
+  if (!(scaled < determinant)) return std::nullopt;
+  const float bulge = kBulge * (radius(on_ray) + sample.least_radius);
+  if (dot(start_.normal, sample.position) < start_.offset - bulge && !is_zero(start_.normal)) return std::nullopt;
+  const float depth = is_zero(end_.normal) ? 0.0f : end_.offset - dot(end_.normal, sample.position);
+  return Meeting{t, scaled / determinant, kPi * std::sqrt(determinant), depth > bulge ? depth * inverse_end_cosine_ : 0.0f};
+}
+
+}  // namespace pf

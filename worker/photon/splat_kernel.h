@@ -1,0 +1,119 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "common/math/vec.h"
+#include "common/spec/job_spec.h"
+
+namespace pf {
+
+/// Radial profile f of a kernel K(x) = f(u) / (pi sqrt(det M)) over the ellipse u^2 = x^T M^-1 x < 1, normalised over the disc:
+/// 2 * integral of f(u) u du = 1 over [0, 1].
+class KernelProfile {
+ public:
+  explicit KernelProfile(SplatKernel kind) : kind_(kind) {}
+
+  /// f at the squared relative distance `u2`; 0 from 1 on.
+  [[nodiscard]] float operator()(float u2) const {
+    if (!(u2 < 1.0f)) return 0.0f;
+    switch (kind_) {
+      case SplatKernel::kEpanechnikov:
+        return 2.0f * (1.0f - u2);
+      case SplatKernel::kCone:
+        return 3.0f * (1.0f - std::sqrt(u2));
+      case SplatKernel::kGaussian:
+        return kGaussianPeak * std::exp(-kGaussianFall * u2);
+    }
+    return 0.0f;
+  }
+
+ private:
+  /// The rim is three standard deviations out: exp(-9/2) of the peak.
+  static constexpr float kGaussianFall = 4.5f;
+  static constexpr float kGaussianPeak = 4.5f / 0.98889100f;  ///< fall / (1 - exp(-fall))
+
+  SplatKernel kind_;
+};
+
+/// Symmetric 2 x 2 matrix: squared half axes of an ellipse [m^2].
+struct Spread {
+  float xx = 0, xy = 0, yy = 0;
+
+  [[nodiscard]] float determinant() const { return std::max(0.0f, xx * yy - xy * xy); }
+  /// Squared half of the long axis.
+  [[nodiscard]] float largest() const {
+    const float half = 0.5f * (xx - yy);
+    return 0.5f * (xx + yy) + std::sqrt(half * half + xy * xy);
+  }
+  Spread& operator+=(const Spread& o) {
+    xx += o.xx, xy += o.xy, yy += o.yy;
+    return *this;
+  }
+  friend Spread operator+(Spread a, const Spread& b) { return a += b; }
+  friend Spread operator*(const Spread& a, float s) { return {a.xx * s, a.xy * s, a.yy * s}; }
+};
+
+/// Where an eye path gathers: what splatting asks of it.
+struct SplatSample {
+  Vec3f position;
+  Vec3f ng;                  ///< unit geometric normal on the side that is seen
+  Vec3f ns;                  ///< shading normal, likewise
+  float least_radius = 0;    ///< [m] of the eye's own footprint: no kernel is narrower
+  float extent = 0;          ///< SurfacePoint::extent: for offsets of rays
+  bool both_sides = false;   ///< also light from behind counts (rough transmission)
+  std::uint32_t id = 0;      ///< the caller's
+};
+
+/// The kernel around one photon ray: an ellipse in the plane across the ray, which varies along it as the spread of the paths
+/// around this one does.
+///
+/// [Herzog et al. 2007]: flux spread over the disc ACROSS the ray gives the flux density that arrives at any sample near the
+/// ray, however its surface is turned; the sample's own cosine makes it irradiance. So a ray that passes beside the edge of a
+/// table still counts on the table, and no light is missing at an edge.
+class RayKernel {
+ public:
+  /// A surface at one end of the ray: samples behind it do not count. `normal`: on the ray's side.
+  struct Plane {
+    Vec3f normal{0, 0, 0};   ///< zero: no surface there
+    float offset = 0;        ///< dot(normal, point)
+  };
+
+  RayKernel() = default;
+  /// `at_start`, `linear`, `quadratic`: the spread at distance t is at_start + t linear + t^2 quadratic, along `axis_x` and
+  /// `axis_y`, which with `direction` are orthonormal.
+  RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x, const Vec3f& axis_y,
+            const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start, const Plane& end);
+
+  /// How a sample lies in the kernel.
+  struct Meeting {
+    float t;                 ///< distance of its foot along the ray; may lie a little before or beyond the ray
+    float u2;                ///< squared relative distance from the axis, < 1
+    float area;              ///< of the ellipse there [m^2]
+    float behind;            ///< how far back along the ray the plane of the surface that the ray met is; 0: not behind it
+  };
+  /// Empty where the sample faces away, lies outside the kernel, or behind the surface at the start.
+  [[nodiscard]] std::optional<Meeting> meet(const SplatSample& sample) const;
+
+  [[nodiscard]] const Vec3f& origin() const { return origin_; }
+  [[nodiscard]] const Vec3f& direction() const { return direction_; }
+  [[nodiscard]] float length() const { return length_; }
+  [[nodiscard]] Spread spread(float t) const { return at_start_ + linear_ * t + quadratic_ * (t * t); }
+  /// Bound of the long half axis at `t` [m]. The half axis is convex in t, so the chord between the ends bounds it: a cone.
+  [[nodiscard]] float radius(float t) const { return first_radius_ + radius_slope_ * std::clamp(t, 0.0f, length_); }
+  /// Range of t in which feet of samples can lie.
+  [[nodiscard]] float t_begin() const { return t_begin_; }
+  [[nodiscard]] float t_end() const { return t_end_; }
+
+ private:
+  Vec3f origin_, direction_, axis_x_, axis_y_;
+  float length_ = 0;
+  Spread at_start_, linear_, quadratic_;
+  Plane start_, end_;
+  float first_radius_ = 0, radius_slope_ = 0;
+  float t_begin_ = 0, t_end_ = 0;
+  float inverse_end_cosine_ = 0;
+};
+
+}  // namespace pf
