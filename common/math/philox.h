@@ -31,7 +31,7 @@ inline constexpr std::uint32_t kPhiloxWeyl0 = 0x9E3779B9u, kPhiloxWeyl1 = 0xBB67
 [[nodiscard]] inline float to_unit_float(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
 
 /// What a stream of random numbers is for; part of the counter, so that streams never share numbers.
-enum class Stream : std::uint32_t { kPhoton = 1, kEye = 2, kProbe = 3, kTest = 100 };
+enum class Stream : std::uint32_t { kPhoton = 1, kEye = 2, kProbe = 3, kTest = 100, kIrradiance = 101 };
 
 /// Random numbers of one path: a pure function of (job seed, stream, sub-pass, path index, dimension).
 class PathRng {
