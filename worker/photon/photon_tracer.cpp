@@ -5,11 +5,11 @@
 #include <span>
 #include <vector>
 
-
 #include "common/base/parallel.h"
 #include "common/math/philox.h"
 #include "worker/bsdf/lambert.h"
 #include "worker/photon/photon_tree.h"
+#include "worker/photon/projection_map.h"
 #include "worker/scene/medium_stack.h"
 
 namespace pf {
@@ -61,8 +61,9 @@ PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
 
 /// Photons of some paths, a record each.
 struct PhotonTracer::Part {
-  std::array<std::vector<Photon>, kFlows> flows;
+  std::array<std::vector<Photon>, kFlows + 1> flows;  ///< the last one: direct
   std::uint64_t rays = 0;
+  std::uint64_t lost = 0;
   Faults faults;
 };
 
@@ -81,14 +82,17 @@ void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3
     ++part.faults.overflow;
     return;
   }
-  part.flows[walk.specular_only ? kCaustic : kIndirect].push_back(make_photon(point.position, flux, wo, ng));
+  const std::size_t flow = walk.bounce == 0 ? kFlows : walk.specular_only ? kCaustic : kIndirect;
+  part.flows[flow].push_back(make_photon(point.position, flux, wo, ng));
 }
 
 bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const {
   walk.rng = PathRng(options_.seed, Stream::kPhoton, sub_pass, path);
   const float u_light = walk.rng.next1();
   const Vec2f u_position = walk.rng.next2();
-  const auto picked = scene_.lights().emit(u_light, u_position, walk.rng.next2());
+  const Vec2f u_direction = walk.rng.next2();
+  const auto picked = options_.projection == nullptr ? scene_.lights().emit(u_light, u_position, u_direction)
+                                                     : options_.projection->emit(u_light, u_position, u_direction);
   if (!picked) return false;
   ray = {picked->emission.origin, picked->emission.direction};
   walk.position = picked->emission.origin;  // of a lamp inside a medium set exactly below
@@ -123,7 +127,7 @@ bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, 
   const bool entering = dot(wo, point.ng) > 0.0f;
   const Bsdf bsdf(scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering)), wo);
   if (bsdf.is_black()) return false;
-  if (walk.bounce > 0 && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), part);
+  if ((walk.bounce > 0 || options_.direct) && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), part);
 
   const float u_lobe = walk.rng.next1();
   const auto sample = bsdf.sample(wo, u_lobe, walk.rng.next2(), Transport::kFlux);
@@ -132,6 +136,7 @@ bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, 
   if (sample->specularity <= 0.0f ||
       (sample->specularity < 1.0f && walk.rng.next1() >= sample->specularity)) {
     walk.specular_only = false;
+    if (options_.caustics_only) return false;
   }
   if (!walk.survives(sample->weight)) return false;
   if (sample->refracted) walk.media.cross(point.material, entering);
@@ -143,7 +148,8 @@ bool PhotonTracer::scatter_lambert(Walk& walk, const SurfacePoint& point, const 
   const Vec3f wo = -ray.direction;
   const LambertSurface surface(point.ng, point.ns, wo);
   if (!surface.seen() || is_zero(albedo)) return false;
-  if (walk.bounce > 0) store(walk, point, wo, surface.ng(), surface.ns(), part);
+  if (walk.bounce > 0 || options_.direct) store(walk, point, wo, surface.ng(), surface.ns(), part);
+  if (options_.caustics_only) return false;
   static_cast<void>(walk.rng.next1());  // the choice of a lobe
   const LambertSample sample = surface.sample_flux(albedo, walk.rng.next2());
   if (!sample.valid) return false;
@@ -174,7 +180,11 @@ void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std:
     part.rays += alive;
     scene_.intersect(shot, points);
     for (std::size_t lane = alive; lane-- > 0;) {
-      if (points[lane] && scatter(walks[lane], *points[lane], rays[lane], part)) continue;
+      if (points[lane]) {
+        if (scatter(walks[lane], *points[lane], rays[lane], part)) continue;
+      } else {
+        part.lost += walks[lane].bounce == 0 ? 1 : 0;
+      }
       if (start(lane)) continue;
       // No path is left to start: the last lane, already done with this turn, moves here.
       --alive;
@@ -194,22 +204,24 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
     const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
     trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](std::span<const Ray>) {});
   });
-  for (std::size_t flow = 0; flow < kFlows; ++flow) {
+  for (std::size_t flow = 0; flow <= kFlows; ++flow) {
+    PhotonArrays& joined = flow < kFlows ? all.flows[flow] : all.direct;
     std::vector<std::size_t> starts(chunks);
     std::size_t count = 0;
     for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) {
       starts[chunk] = count;
       count += parts[chunk].flows[flow].size();
     }
-    all.flows[flow].resize(count);
+    joined.resize(count);
     parallel_for(chunks, [&](std::size_t chunk) {
       std::vector<Photon>& photons = parts[chunk].flows[flow];
-      for (std::size_t i = 0; i < photons.size(); ++i) all.flows[flow].set(starts[chunk] + i, photons[i]);
+      for (std::size_t i = 0; i < photons.size(); ++i) joined.set(starts[chunk] + i, photons[i]);
       photons = {};
     });
   }
   for (const Part& part : parts) {
     all.rays += part.rays;
+    all.lost += part.lost;
     all.faults += part.faults;
   }
   return all;

@@ -10,22 +10,29 @@
 
 namespace pf {
 
+class ProjectionMap;
+
 struct PhotonOptions {
   std::uint64_t seed = 1;
   std::uint32_t paths = 500000;  ///< per sub-pass
   int max_depth = 32;            ///< surface hits of a path; 0: no bound but Russian roulette
+  bool direct = false;           ///< also keep the first hits, apart from the flows: for maps that hold all light
+  bool caustics_only = false;    ///< a path ends where it scatters other than sharply, and only kCaustic is kept
+  const ProjectionMap* projection = nullptr;  ///< emit only towards surfaces that matter; outlives the tracer
 };
 
 /// Photons of one sub-pass, by flow, and what tracing them took.
 struct PhotonBatch {
   std::array<PhotonArrays, kFlows> flows;
+  PhotonArrays direct;           ///< straight from a lamp; empty without PhotonOptions::direct
   std::uint64_t rays = 0;
+  std::uint64_t lost = 0;        ///< paths whose first ray met nothing
   Faults faults;
 };
 
 /// Emits and follows the photon paths of sub-passes [Jensen 1996; Jensen 2001, chapter 5]: flux Phi/N by
-/// light, Russian roulette that keeps photons whole, storage at every non-specular hit after the first:
-/// direct light is sampled from the eye. A photon's flux is kept in units of flux_unit(), folded with
+/// light, Russian roulette that keeps photons whole, storage at every non-specular hit after the first
+/// (direct light is sampled from the eye), and at the first, too, when the options ask for it. A photon's flux is kept in units of flux_unit(), folded with
 /// |cos(ns)|/|cos(ng)| at its hit, so that a gather over a Lambert surface is a plain sum [Veach 1997, 5.3].
 class PhotonTracer {
  public:

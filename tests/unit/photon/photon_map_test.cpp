@@ -1,0 +1,223 @@
+#include "worker/photon/photon_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include "common/math/philox.h"
+#include "common/math/sampling.h"
+#include "tests/support/statistics.h"
+
+namespace pf {
+namespace {
+
+/// Photons in a dense spot, over a floor, under it, on a wall, and many at one place.
+PhotonArrays some_photons(int count) {
+  PathRng rng(3, Stream::kTest, 0, 7);
+  PhotonArrays photons;
+  for (int i = 0; i < count; ++i) {
+    const Vec2f xz = (rng.next2() - Vec2f(0.5f, 0.5f)) * (i % 3 == 0 ? 0.01f : 1.0f);
+    Vec3f position{xz.x, 0.0f, xz.y}, normal{0, 1, 0};
+    if (i % 7 == 0) normal = {0, -1, 0};
+    if (i % 11 == 0) {
+      normal = {1, 0, 0};
+      position = {-0.5f, rng.next1(), xz.y};
+    }
+    if (i % 13 == 0) position = {0.25f, 0.0f, 0.25f};
+    photons.push(position, Rgb{rng.next1(), rng.next1(), rng.next1()}, sample_sphere(rng.next2()), normal);
+  }
+  return photons;
+}
+
+PhotonMap map_of(const PhotonArrays& photons) {
+  const PhotonArrays* flows[] = {&photons};
+  return PhotonMap(flows);
+}
+
+NearestQuery some_query(PathRng& rng, int i) {
+  NearestQuery q;
+  q.position = Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} * (i % 2 == 0 ? 1.0f : 0.02f);
+  if (i % 9 == 0) q.position = {0.25f, 0.0f, 0.25f};
+  const float radius = i % 4 == 0 ? 0.01f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? kInfinity : 0.05f;
+  q.max_distance2 = radius * radius;
+  q.nearest = i % 3 == 0 ? 1 : i % 3 == 1 ? 50 : 333;
+  q.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : i % 5 == 1 ? Vec3f{1, 0, 0} : normalize({0.1f, 1.0f, -0.2f});
+  q.both_sides = i % 4 == 3;
+  return q;
+}
+
+class PhotonMapOfSize : public testing::TestWithParam<int> {};
+
+TEST_P(PhotonMapOfSize, FindsExactlyTheNearestThatBruteForceFinds) {
+  const PhotonMap map = map_of(some_photons(GetParam()));
+  ASSERT_EQ(map.size(), static_cast<std::size_t>(GetParam()));
+  PathRng rng(5, Stream::kTest, 0, 1);
+  NearestPhotons found;
+  for (int i = 0; i < 300; ++i) {
+    const NearestQuery q = some_query(rng, i);
+    std::vector<float> all;
+    for (std::uint32_t p = 1; p <= map.size(); ++p) {
+      const float d = map.distance2(q, p);
+      if (d < kInfinity) all.push_back(d);
+    }
+    std::sort(all.begin(), all.end());
+    map.nearest(q, found);
+    std::size_t expected = all.size();
+    float radius2 = q.max_distance2;
+    const std::size_t k = std::isinf(radius2) ? std::min<std::size_t>(q.nearest, all.size()) : q.nearest;
+    if (k > 0 && all.size() >= k) {
+      expected = k - 1;
+      radius2 = all[expected];
+    }
+    ASSERT_EQ(found.count, expected) << i;
+    ASSERT_EQ(found.radius2, radius2) << i;
+    std::vector<float> distances(found.distance2.begin(), found.distance2.begin() + static_cast<std::ptrdiff_t>(expected));
+    std::sort(distances.begin(), distances.end());
+    all.resize(expected);
+    ASSERT_EQ(distances, all) << i;
+    std::vector<std::uint32_t> indices(found.index.begin(), found.index.begin() + static_cast<std::ptrdiff_t>(expected));
+    for (std::size_t p = 0; p < expected; ++p) ASSERT_EQ(map.distance2(q, indices[p]), found.distance2[p]);
+    std::sort(indices.begin(), indices.end());
+    ASSERT_EQ(std::unique(indices.begin(), indices.end()), indices.end());
+  }
+}
+
+TEST_P(PhotonMapOfSize, FindsTheNearestOne) {
+  const PhotonMap map = map_of(some_photons(GetParam()));
+  PathRng rng(6, Stream::kTest, 0, 1);
+  for (int i = 0; i < 200; ++i) {
+    const NearestQuery q = some_query(rng, i);
+    float least = kInfinity;
+    for (std::uint32_t p = 1; p <= map.size(); ++p) least = std::min(least, map.distance2(q, p));
+    const std::uint32_t found = map.nearest_one(q);
+    ASSERT_EQ(found != 0, least < kInfinity) << i;
+    if (found != 0) {
+      ASSERT_EQ(map.distance2(q, found), least) << i;
+    }
+  }
+}
+
+TEST_P(PhotonMapOfSize, IsLeftBalancedAndSortedByItsAxes) {
+  const PhotonMap map = map_of(some_photons(GetParam()));
+  // Every node that has a number up to size() exists: the levels are full from the left. Ancestors split by their axis.
+  for (std::uint32_t node = 2; node <= map.size(); ++node) {
+    for (std::uint32_t child = node; child > 1; child /= 2) {
+      const StoredPhoton& parent = map.photon(child / 2);
+      const float at = map.photon(node).position[parent.axis()], split = parent.position[parent.axis()];
+      ASSERT_TRUE(child % 2 == 0 ? at <= split : at >= split) << node << ' ' << child;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, PhotonMapOfSize, testing::Values(0, 1, 2, 3, 7, 8, 14, 15, 16, 31, 64, 100, 1000, 4097, 9000));
+
+TEST(PhotonMap, TakesTwentyBytesAPhoton) {
+  const PhotonMap map = map_of(some_photons(1000));
+  EXPECT_EQ(sizeof(StoredPhoton), 20u);
+  EXPECT_EQ(map.bytes(), 1001u * 20u);
+}
+
+TEST(PhotonMap, HasTheSameBytesOnAnyNumberOfThreads) {
+  const PhotonArrays photons = some_photons(50000);
+  std::vector<StoredPhoton> first;
+  for (const int threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    const PhotonMap map = arena.execute([&] { return map_of(photons); });
+    if (first.empty()) first.assign(map.photons().begin(), map.photons().end());
+    ASSERT_EQ(first.size(), map.size());
+    EXPECT_EQ(std::memcmp(first.data(), map.photons().data(), first.size() * sizeof(StoredPhoton)), 0) << threads;
+  }
+}
+
+TEST(PhotonMap, KeepsEveryPhotonOfAllFlows) {
+  const PhotonArrays a = some_photons(500), b = some_photons(123), none;
+  const PhotonArrays* flows[] = {&a, &none, &b};
+  const PhotonMap map{flows};
+  ASSERT_EQ(map.size(), 623u);
+  double sum = 0.0, expected = 0.0;
+  for (const StoredPhoton& p : map.photons()) sum += static_cast<double>(p.position[0]);
+  for (const PhotonArrays* flow : flows) {
+    for (const float x : flow->x) expected += static_cast<double>(x);
+  }
+  EXPECT_NEAR(sum, expected, 1e-9);
+}
+
+TEST(PhotonMapRecord, DirectionsAndNormalsErrByLessThanTheirBound) {
+  PathRng rng(8, Stream::kTest, 0, 0);
+  float worst_direction = 0.0f, worst_normal = 0.0f;
+  for (int i = 0; i < 200000; ++i) {
+    const Vec3f d = sample_sphere(rng.next2());
+    StoredPhoton p{};
+    p.direction = static_cast<std::uint16_t>(pack_octahedral<kDirectionSteps, 8>(d));
+    p.flags = static_cast<std::uint16_t>(pack_octahedral<kNormalMapSteps, 7>(d) << 2 | 3u);
+    worst_direction = std::max(worst_direction, length(towards_light(p) - d));
+    worst_normal = std::max(worst_normal, length(surface_normal(p) - d));
+    ASSERT_EQ(p.axis(), 3u);
+  }
+  EXPECT_LT(worst_direction, kDirectionError);
+  EXPECT_LT(worst_normal, kNormalError);
+  EXPECT_GT(worst_direction, 0.5f * kDirectionError);  // the bounds are not idle
+  EXPECT_GT(worst_normal, 0.5f * kNormalError);
+}
+
+TEST(PhotonMapRecord, NormalsAlongAnAxisAreExact) {
+  for (const Vec3f& n : {Vec3f{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}) {
+    const auto packed = pack_octahedral<kNormalMapSteps, 7>(n);
+    EXPECT_LT(length(unpack_octahedral<kNormalMapSteps, 7>(packed) - n), 1e-4f);
+  }
+}
+
+TEST(PhotonMapRecord, FluxErrsByLessThanAStepOfTheLargestChannel) {
+  PathRng rng(9, Stream::kTest, 0, 0);
+  for (int i = 0; i < 100000; ++i) {
+    const Rgb flux = Rgb{rng.next1(), rng.next1(), rng.next1()} * std::exp2(60.0f * (rng.next1() - 0.5f));
+    const Rgb kept = unpack_rgbe(pack_rgbe(flux, mix_bits(static_cast<std::uint32_t>(i))));
+    for (int c = 0; c < 3; ++c) ASSERT_LE(std::abs(kept[c] - flux[c]), max_component(flux) / 128.0f);
+  }
+  EXPECT_TRUE(is_zero(unpack_rgbe(pack_rgbe({0, 0, 0}, 12345u))));
+  EXPECT_EQ(unpack_rgbe(pack_rgbe({1, 0.5f, 0.25f}, 12345u)), Rgb(1, 0.5f, 0.25f));
+}
+
+TEST(PhotonMapRecord, TheMeanOfEqualFluxesIsExact) {
+  for (const Rgb& flux : {Rgb{1.003f, 0.77f, 0.1f}, Rgb{0.9985f, 0.5f, 0.9982f}}) {
+    std::array<std::vector<double>, 3> kept;
+    for (std::uint32_t i = 0; i < 40000; ++i) {
+      const Rgb one = unpack_rgbe(pack_rgbe(flux, mix_bits(i)));
+      for (std::size_t c = 0; c < 3; ++c) kept[c].push_back(static_cast<double>(one[static_cast<int>(c)]));
+    }
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double expected = static_cast<double>(flux[static_cast<int>(c)]);
+      EXPECT_TRUE(test::agrees(test::estimate(kept[c]), expected, 1e-5));
+    }
+  }
+}
+
+// Loftsgaarden and Quesenberry's k - 1, and the bound on the distance, leave the density without bias.
+TEST(PhotonMap, DensityOfUniformPhotonsIsUnbiased) {
+  constexpr int kPhotons = 4000;
+  for (const float expected_within : {4.0f, 20.0f, 200.0f}) {
+    std::vector<double> densities;
+    NearestPhotons found;
+    for (std::uint32_t run = 0; run < 1500; ++run) {
+      PathRng rng(11, Stream::kTest, 1, run);
+      PhotonArrays photons;
+      for (int i = 0; i < kPhotons; ++i) {
+        const Vec2f p = rng.next2();
+        photons.push({p.x, 0, p.y}, {1, 1, 1}, {0, 1, 0}, {0, 1, 0});
+      }
+      const PhotonMap map = map_of(photons);
+      map.nearest({{0.5f, 0, 0.5f}, {0, 1, 0}, expected_within / (kPi * kPhotons), 20, false}, found);
+      densities.push_back(static_cast<double>(found.count) / static_cast<double>(kPi * found.radius2));
+    }
+    EXPECT_TRUE(test::agrees(test::estimate(densities), kPhotons)) << expected_within;
+  }
+}
+
+}  // namespace
+}  // namespace pf
