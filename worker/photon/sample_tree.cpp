@@ -15,8 +15,6 @@ constexpr int kBranchDepth = 8;
 constexpr std::size_t kParallelSamples = 8192;
 /// Part of the scene's size that the whole sphere of normals is worth: a split by normal then comes after a few by position.
 constexpr float kNormalShare = 0.1f;
-/// Rounding of the arithmetic in may_meet(), relative to the coordinates.
-constexpr float kRounding = 4e-6f;
 
 /// Octahedral coordinates of a unit vector: the two dimensions of direction.
 Vec2f octahedral(const Vec3f& n) {
@@ -101,42 +99,6 @@ void SampleTree::bound(Node& node, std::span<const SplatSample> samples) const {
   node.reach = length(node.half);
   node.normal_low = normals.min;
   node.normal_high = normals.max;
-}
-
-bool SampleTree::may_meet(const Node& node, const RayKernel& ray) {
-  const Vec3f& d = ray.direction();
-  // The normal that faces the ray most, of all in the box of normals.
-  if (!node.both_sides) {
-    const float facing = std::min(d.x * node.normal_low.x, d.x * node.normal_high.x) +
-                         std::min(d.y * node.normal_low.y, d.y * node.normal_high.y) +
-                         std::min(d.z * node.normal_low.z, d.z * node.normal_high.z);
-    if (facing > kRounding) return false;
-  }
-  const Vec3f away = node.centre - ray.origin();
-  const float t = dot(away, d);
-  if (t + node.reach < ray.t_begin() || t - node.reach > ray.t_end()) return false;
-  const float widest = std::max(ray.radius(t - node.reach), ray.radius(t + node.reach));
-  const float rounding = kRounding * (std::abs(t) + node.reach + max_magnitude(ray.origin()));
-  const float radius = widest + node.least_radius + rounding;
-  const Vec3f across = away - d * t;
-  const float bound = node.reach + radius;
-  if (length2(across) > bound * bound) return false;
-  // The widened box against the ray, an axis at a time [Kay and Kajiya 1986].
-  float near = ray.t_begin() - rounding;
-  float far = ray.t_end() + rounding;
-  for (int k = 0; k < 3; ++k) {
-    const float half = node.half[k] + radius;
-    if (std::abs(d[k]) < 1e-6f) {
-      if (std::abs(away[k]) > half + 1e-6f * (std::abs(near) + std::abs(far))) return false;
-      continue;
-    }
-    const float inverse = 1.0f / d[k];
-    const float middle = away[k] * inverse;
-    const float spread = half * std::abs(inverse) + kRounding * std::abs(middle);
-    near = std::max(near, middle - spread);
-    far = std::min(far, middle + spread);
-  }
-  return near <= far;
 }
 
 }  // namespace pf

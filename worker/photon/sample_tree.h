@@ -1,10 +1,13 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "common/math/offset.h"
 #include "common/math/vec.h"
 #include "worker/photon/splat_kernel.h"
 
@@ -48,6 +51,9 @@ class SampleTree {
   }
 
  private:
+  /// Rounding of the arithmetic in may_meet(), relative to the coordinates.
+  static constexpr float kRounding = 4e-6f;
+
   struct Node {
     Vec3f centre;
     Vec3f half;                ///< half the box's edges [m]
@@ -61,7 +67,35 @@ class SampleTree {
   [[nodiscard]] std::size_t begin_of(std::size_t place, int depth) const { return samples_.size() * place >> depth; }
   void build(std::size_t node, int depth, std::size_t place);
   void bound(Node& node, std::span<const SplatSample> samples) const;
-  [[nodiscard]] static bool may_meet(const Node& node, const RayKernel& ray);
+  /// Whether the ray may meet a sample of the node: never false where it does.
+  [[nodiscard]] static bool may_meet(const Node& node, const RayKernel& ray) {
+    const Vec3f& d = ray.direction();
+    const Vec3f away = node.centre - ray.origin();
+    const float t = dot(away, d);
+    const float rounding = kRounding * (std::abs(t) + node.reach + max_magnitude(ray.origin()));
+    float near = ray.t_begin(node.least_radius) - rounding;
+    float far = ray.t_end(node.least_radius) + rounding;
+    if (t + node.reach < near || t - node.reach > far) return false;
+    const float radius = std::max(ray.radius(t - node.reach), ray.radius(t + node.reach)) + node.least_radius + rounding;
+    const float bound = node.reach + radius;
+    if (length2(away - d * t) > bound * bound) return false;
+    // The normal that faces the ray most, of all in the box of normals.
+    if (!node.both_sides) {
+      const float facing = std::min(d.x * node.normal_low.x, d.x * node.normal_high.x) +
+                           std::min(d.y * node.normal_low.y, d.y * node.normal_high.y) +
+                           std::min(d.z * node.normal_low.z, d.z * node.normal_high.z);
+      if (facing > kRounding) return false;
+    }
+    // The widened box against the ray, an axis at a time [Kay and Kajiya 1986].
+    for (int k = 0; k < 3; ++k) {
+      const float inverse = ray.inverse_direction()[k];
+      const float middle = away[k] * inverse;
+      const float spread = (node.half[k] + radius) * std::abs(inverse) + kRounding * std::abs(middle);
+      near = std::max(near, middle - spread);
+      far = std::min(far, middle + spread);
+    }
+    return near <= far;
+  }
 
   /// Calls visit(node) for every node of depth `to` below `node` that the ray may meet.
   template <typename Visit>

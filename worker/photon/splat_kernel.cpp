@@ -10,12 +10,12 @@ constexpr float kMaxSlope = 32.0f;
 /// Rounding of the spread along the ray, so that the cone is a bound.
 constexpr float kRadiusMargin = 1.0001f;
 
-/// Beyond an end the kernel reaches its own radius, and as far as the plane there needs.
-float reach(float radius, const RayKernel::Plane& plane, const Vec3f& direction) {
+/// How many radii the kernel reaches beyond an end: one, or as far as the plane there needs.
+float reach(const RayKernel::Plane& plane, const Vec3f& direction) {
+  if (is_zero(plane.normal)) return 0.0f;
   const float cosine = std::abs(dot(plane.normal, direction));
   const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine));
-  const float slope = sine < kMaxSlope * cosine ? sine / cosine : kMaxSlope;
-  return is_zero(plane.normal) ? 0.0f : radius * std::max(1.0f, slope);
+  return std::max(1.0f, sine < kMaxSlope * cosine ? sine / cosine : kMaxSlope);
 }
 
 }  // namespace
@@ -36,23 +36,22 @@ RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, 
       first_radius_(kRadiusMargin * std::sqrt(std::max(0.0f, spread(0.0f).largest()))) {
   const float last_radius = kRadiusMargin * std::sqrt(std::max(0.0f, spread(length).largest()));
   radius_slope_ = length > 0.0f ? (last_radius - first_radius_) / length : 0.0f;
-  t_begin_ = -reach(first_radius_, start, direction);
-  t_end_ = length + reach(last_radius, end, direction);
+  start_reach_ = reach(start, direction);
+  end_reach_ = reach(end, direction);
   const float end_cosine = std::abs(dot(end.normal, direction));
+  for (int k = 0; k < 3; ++k) {
+    constexpr float kLeast = 1e-20f;
+    inverse_direction_[k] = 1.0f / std::copysign(std::max(std::abs(direction[k]), kLeast), direction[k]);
+  }
   inverse_end_cosine_ = end_cosine > 0.0f ? std::min(1.0f / end_cosine, kMaxSlope) : 0.0f;
 }
 
-std::optional<RayKernel::Meeting> RayKernel::meet(const SplatSample& sample) const {
+std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample, float t, float x, float y) const {
   if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f)) return std::nullopt;
-  const Vec3f away = sample.position - origin_;
-  const float t = dot(away, direction_);
-  if (!(t >= t_begin_ && t <= t_end_)) return std::nullopt;
   const float on_ray = std::clamp(t, 0.0f, length_);
   // The eye's own footprint is added like the variance of one more blur: no kernel is narrower.
   const float least2 = sample.least_radius * sample.least_radius;
   const Spread m = spread(on_ray) + Spread{least2, 0.0f, least2};
-  const float x = dot(away, axis_x_);
-  const float y = dot(away, axis_y_);
   const float determinant = m.determinant();
   const float scaled = m.yy * x * x - 2.0f * m.xy * x * y + m.xx * y * y;
   if (!(scaled < determinant)) return std::nullopt;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 #include "common/math/vec.h"
@@ -94,25 +95,38 @@ class RayKernel {
     float behind;            ///< how far back along the ray the plane of the surface that the ray met is; 0: not behind it
   };
   /// Empty where the sample faces away, lies outside the kernel, or behind the surface at the start.
-  [[nodiscard]] std::optional<Meeting> meet(const SplatSample& sample) const;
+  [[nodiscard]] std::optional<Meeting> meet(const SplatSample& sample) const {
+    // Most samples that are asked for lie outside: those go first, by the circle around the ellipse.
+    const Vec3f away = sample.position - origin_;
+    const float t = dot(away, direction_);
+    const float x = dot(away, axis_x_);
+    const float y = dot(away, axis_y_);
+    const float bound = radius(t) + sample.least_radius;
+    if (!(x * x + y * y < bound * bound) || !(t >= t_begin(sample.least_radius) && t <= t_end(sample.least_radius))) return std::nullopt;
+    return meet_near(sample, t, x, y);
+  }
 
   [[nodiscard]] const Vec3f& origin() const { return origin_; }
   [[nodiscard]] const Vec3f& direction() const { return direction_; }
+  /// One over each component of the direction; finite, so that a slab test needs no special case.
+  [[nodiscard]] const Vec3f& inverse_direction() const { return inverse_direction_; }
   [[nodiscard]] float length() const { return length_; }
   [[nodiscard]] Spread spread(float t) const { return at_start_ + linear_ * t + quadratic_ * (t * t); }
   /// Bound of the long half axis at `t` [m]. The half axis is convex in t, so the chord between the ends bounds it: a cone.
   [[nodiscard]] float radius(float t) const { return first_radius_ + radius_slope_ * std::clamp(t, 0.0f, length_); }
-  /// Range of t in which feet of samples can lie.
-  [[nodiscard]] float t_begin() const { return t_begin_; }
-  [[nodiscard]] float t_end() const { return t_end_; }
+  /// Range of t in which the feet of samples of this least radius lie: a tilted surface at an end goes on beside the ray.
+  [[nodiscard]] float t_begin(float least_radius) const { return -start_reach_ * (radius(0.0f) + least_radius); }
+  [[nodiscard]] float t_end(float least_radius) const { return length_ + end_reach_ * (radius(length_) + least_radius); }
 
  private:
-  Vec3f origin_, direction_, axis_x_, axis_y_;
+  [[nodiscard]] std::optional<Meeting> meet_near(const SplatSample& sample, float t, float x, float y) const;
+
+  Vec3f origin_, direction_, inverse_direction_, axis_x_, axis_y_;
   float length_ = 0;
   Spread at_start_, linear_, quadratic_;
   Plane start_, end_;
   float first_radius_ = 0, radius_slope_ = 0;
-  float t_begin_ = 0, t_end_ = 0;
+  float start_reach_ = 0, end_reach_ = 0;  ///< beyond the ends, in radii
   float inverse_end_cosine_ = 0;
 };
 

@@ -70,6 +70,29 @@ TEST(RayKernel, SpreadsAllOfItsFluxAcrossTheRayWhateverItsShape) {
   }
 }
 
+TEST(RayKernel, BringsAllOfItsFluxToATiltedSurfaceThatItMeets) {
+  // Integral over the surface of kernel times cosine: one, however slanted, also where the eye's footprint is the wider part.
+  for (const float least : {0.0f, 0.1f}) {
+    for (const float slope : {0.0f, 1.0f, 5.0f}) {
+      const Vec3f normal = normalize(Vec3f{slope, 0.0f, 1.0f});
+      const Vec3f along = normalize(Vec3f{1.0f, 0.0f, -slope});
+      const RayKernel kernel = straight(0.04f, 0.04f, {}, {normal, 0.0f}, 1.0f);
+      const KernelProfile f(SplatKernel::kEpanechnikov);
+      constexpr int kSteps = 600;
+      const float half_u = 0.15f / normal.z, half_v = 0.15f;
+      double sum = 0.0;
+      for (int i = 0; i < kSteps * kSteps; ++i) {
+        const auto at = [&](int k) { return 2.0f * (static_cast<float>(k) + 0.5f) / kSteps - 1.0f; };
+        SplatSample sample = facing(along * (half_u * at(i % kSteps)) + Vec3f(0.0f, half_v * at(i / kSteps), 0.0f), normal);
+        sample.least_radius = least;
+        const auto meeting = kernel.meet(sample);
+        if (meeting) sum += double{f(meeting->u2) / meeting->area * normal.z} * 4.0 * double{half_u * half_v} / (kSteps * kSteps);
+      }
+      EXPECT_NEAR(sum, 1.0, 3e-3) << slope << " " << least;
+    }
+  }
+}
+
 TEST(RayKernel, KeepsToSamplesThatFaceTheRayNearIt) {
   const RayKernel kernel = straight(0.1f, 0.2f);
   EXPECT_TRUE(kernel.meet(facing({0.05f, 0.1f, 0.5f}, {0, 0, 1})));
