@@ -97,6 +97,17 @@ class Scene {
   [[nodiscard]] const std::vector<Camera>& cameras() const { return description_.cameras; }
   [[nodiscard]] const std::vector<std::string>& warnings() const { return description_.warnings; }
   [[nodiscard]] std::size_t triangle_count() const { return triangle_count_; }
+  /// Calls f(corners in the world, material) for every triangle, in a fixed order.
+  template <typename F>
+  void for_each_triangle(const F& f) const {
+    for (const Placement& placed : placements_) {
+      for (const Triangle& triangle : triangles_[static_cast<std::size_t>(placed.mesh)].flat) {
+        std::array<Vec3f, 3> corners = triangle.corners;
+        for (Vec3f& corner : corners) corner = placed.instanced ? corner * placed.object_to_world : corner;
+        f(corners, placed.material);
+      }
+    }
+  }
 
  private:
   struct Embree;
