@@ -1,5 +1,7 @@
 #include "worker/photon/splat_kernel.h"
 
+#include "common/math/offset.h"
+
 namespace pf {
 namespace {
 
@@ -7,12 +9,17 @@ namespace {
 constexpr float kBulge = 0.25f;
 /// Slope against the ray up to which the plane at an end is followed to the kernel's rim: beyond, its light is a thousandth.
 constexpr float kMaxSlope = 32.0f;
+/// Cosine between normals from which on surfaces lie the same way, and how far in front one then has to be, relative to the
+/// coordinates: twice what rays are moved off their surfaces.
+constexpr float kMinNormalCosine = 0.5f;
+constexpr float kClearance = 2.0f * kRayOffset;
 /// Rounding of the spread along the ray, so that the cone is a bound.
 constexpr float kRadiusMargin = 1.0001f;
 
-/// How many radii the kernel reaches beyond an end: one, or as far as the plane there needs.
+/// How many radii the kernel reaches beyond an end: one, or as far as the plane there needs; far where there is none, as the ray
+/// itself goes on.
 float reach(const RayKernel::Plane& plane, const Vec3f& direction) {
-  if (is_zero(plane.normal)) return 0.0f;
+  if (is_zero(plane.normal)) return kMaxSlope;
   const float cosine = std::abs(dot(plane.normal, direction));
   const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine));
   return std::max(1.0f, sine < kMaxSlope * cosine ? sine / cosine : kMaxSlope);
@@ -46,6 +53,16 @@ RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, 
   inverse_end_cosine_ = end_cosine > 0.0f ? std::min(1.0f / end_cosine, kMaxSlope) : 0.0f;
 }
 
+bool RayKernel::in_front_of_start(const SplatSample& sample, float bulge) const {
+  const float height = dot(start_.normal, sample.position) - start_.offset;
+  // The other side of a thin sheet, or for light from behind the sheet itself, must not be lit by what leaves the sheet: a
+  // surface that lies the same way has to be clearly in front.
+  const float facing = dot(start_.normal, sample.ng);
+  const bool parallel = facing < -kMinNormalCosine || (sample.both_sides && facing > kMinNormalCosine);
+  if (parallel) return height > kClearance * std::max(sample.extent, max_magnitude(sample.position));
+  return height > -bulge;
+}
+
 std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample, float t, float x, float y) const {
   if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f)) return std::nullopt;
   const float on_ray = std::clamp(t, 0.0f, length_);
@@ -56,7 +73,7 @@ std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample
   const float scaled = m.yy * x * x - 2.0f * m.xy * x * y + m.xx * y * y;
   if (!(scaled < determinant)) return std::nullopt;
   const float bulge = kBulge * (radius(on_ray) + sample.least_radius);
-  if (dot(start_.normal, sample.position) < start_.offset - bulge && !is_zero(start_.normal)) return std::nullopt;
+  if (!is_zero(start_.normal) && !in_front_of_start(sample, bulge)) return std::nullopt;
   const float depth = is_zero(end_.normal) ? 0.0f : end_.offset - dot(end_.normal, sample.position);
   return Meeting{t, scaled / determinant, kPi * std::sqrt(determinant), depth > bulge ? depth * inverse_end_cosine_ : 0.0f};
 }

@@ -120,6 +120,7 @@ class RayKernel {
 
  private:
   [[nodiscard]] std::optional<Meeting> meet_near(const SplatSample& sample, float t, float x, float y) const;
+  [[nodiscard]] bool in_front_of_start(const SplatSample& sample, float bulge) const;
 
   Vec3f origin_, direction_, inverse_direction_, axis_x_, axis_y_;
   float length_ = 0;

@@ -100,9 +100,10 @@ TEST(RayKernel, KeepsToSamplesThatFaceTheRayNearIt) {
   EXPECT_FALSE(kernel.meet(facing({0.11f, 0.0f, 0.5f}, {0, 0, 1})));
   EXPECT_TRUE(kernel.meet(facing({0.0f, 0.19f, 0.5f}, {0, 0, 1})));
   EXPECT_FALSE(kernel.meet(facing({0.0f, 0.21f, 0.5f}, {0, 0, 1})));
-  // Without a surface at its ends the kernel stops there.
-  EXPECT_FALSE(kernel.meet(facing({0, 0, -0.01f}, {0, 0, 1})));
-  EXPECT_FALSE(kernel.meet(facing({0, 0, 1.01f}, {0, 0, 1})));
+  // A surface across the ray ends it, a little beyond for what bulges; without one the ray goes on.
+  const RayKernel ended = straight(0.1f, 0.1f, {}, {{0, 0, 1}, 0.0f});
+  EXPECT_FALSE(ended.meet(facing({0, 0, -0.11f}, {0, 0, 1})));
+  EXPECT_TRUE(straight(0.1f, 0.1f).meet(facing({0, 0, -0.11f}, {0, 0, 1})));
   SplatSample thin = facing({0, 0, 0.5f}, {0, 0, -1});
   thin.both_sides = true;
   EXPECT_TRUE(kernel.meet(thin));
@@ -128,6 +129,17 @@ TEST(RayKernel, LeavesOutWhatLiesBehindTheSurfaceThatItLeft) {
   const RayKernel kernel = straight(0.1f, 0.1f, {normal, dot(normal, Vec3f{0, 0, 1})});
   EXPECT_TRUE(kernel.meet(facing({0.08f, 0.0f, 1.05f}, {0, 0, 1})));
   EXPECT_FALSE(kernel.meet(facing({-0.08f, 0.0f, 0.99f}, {0, 0, 1})));
+}
+
+TEST(RayKernel, LightFromTheUndersideOfASheetDoesNotShowOnItsTop) {
+  // The ray leaves a sheet downwards; samples on the sheet's top face it, yet nothing of it arrives there.
+  const RayKernel kernel = straight(0.1f, 0.1f, {{0, 0, -1}, -1.0f});
+  EXPECT_FALSE(kernel.meet(facing({0.05f, 0, 1.0f}, {0, 0, 1})));
+  EXPECT_FALSE(kernel.meet(facing({0.05f, 0, 1.01f}, {0, 0, 1})));  // nor on top of one with a thickness
+  EXPECT_TRUE(kernel.meet(facing({0.05f, 0, 0.99f}, {0, 0, 1})));   // but on what lies below it
+  SplatSample glass = facing({0.05f, 0, 1.0f}, {0, 0, -1});
+  glass.both_sides = true;
+  EXPECT_FALSE(kernel.meet(glass));
 }
 
 TEST(RayKernel, ItsConeBoundsItsEllipseEverywhere) {
