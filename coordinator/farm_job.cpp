@@ -68,7 +68,7 @@ wire::Task FarmJob::make_task(wire::Task::Kind kind, const UnitLedger::Out& unit
   task.mutable_bundle()->set_sha256(sha256_bytes(record_.bundle.sha256));
   task.mutable_bundle()->set_bytes(record_.bundle.bytes);
   task.set_timeout_seconds(record_.spec.faults.unit_timeout_seconds);
-  task.set_width(static_cast<std::uint32_t>(record_.spec.image.width));
+  task.set_width(static_cast<std::uint32_t>(record_.spec.image.width * (film_ ? film_->options().hit_points : 1)));
   task.set_height(static_cast<std::uint32_t>(record_.spec.image.height));
   if (kind == wire::Task::SUB_PASSES) {
     // Without shared radii units of several rounds are out at once, and may be merged.

@@ -63,13 +63,12 @@ int show_plan(const WorkerContext& context, const Options& options) {
   auto description = load_scene_of_job(*spec);
   if (!description) return report_error(context, description.error());
   const SceneFacts facts = gather_facts(*description);
-  auto plan = make_plan(*spec, facts);
-  if (!plan) return report_error(context, plan.error());
+  const Plan plan = make_plan(*spec, facts);
   for (const std::string& warning : description->warnings) context.err << "warning: " << warning << '\n';
   if (options.json) {
-    context.out << plan_json(*spec, facts, *plan).dump(2) << '\n';
+    context.out << plan_json(*spec, facts, plan).dump(2) << '\n';
   } else {
-    context.out << plan_text(*spec, facts, *plan);
+    context.out << plan_text(*spec, facts, plan);
   }
   return 0;
 }

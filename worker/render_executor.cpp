@@ -62,6 +62,11 @@ Result<std::shared_ptr<const LoadedJob>> RenderExecutor::loaded(const Work& work
     std::rotate(scenes_.begin(), known, known + 1);
     return scenes_.front().second;
   }
+  if (!work.spec.cache.file.empty()) {
+    return fail(ErrorKind::kInvalidSpec,
+                "cache.file: workers of a farm share no files, and the image would depend on each one's; expected no cache.file, or "
+                "photonfarm render");
+  }
   if (scenes_.size() >= kScenes) scenes_.pop_back();
   auto job = load_job_scene(work.spec, clock_);
   if (!job) return tl::unexpected(job.error());

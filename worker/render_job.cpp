@@ -30,7 +30,8 @@ Result<const Camera*> choose_camera(const Scene& scene, const std::string& name)
 
 /// Names what a checkpoint belongs to.
 std::string identity_of(const LoadedJob& job) {
-  return fmt::format("spec {} scene {} build {}", image_hash_of_spec(job.spec), job.scene_hash, kBuildId);
+  return fmt::format("spec {} scene {} build {} extra sums {}", image_hash_of_spec(job.spec), job.scene_hash, kBuildId,
+                     static_cast<int>(job.integrator->film_options().extra));
 }
 
 /// The loop over rounds of one job.
@@ -89,6 +90,7 @@ class Rendering {
     const std::uint64_t done = film_.sub_passes();
     if (stop.passes > 0 && done >= film_.order().sub_passes(static_cast<std::uint64_t>(stop.passes))) return true;
     if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error) return true;
+    if (stop.memory > 0 && done > 0 && peak_resident_bytes() > static_cast<std::uint64_t>(stop.memory) << 20) return true;
     if (stop.seconds <= 0 || done == 0) return false;
     const double now = clock_.now();
     const double sub_pass = done_here > 0 ? (now - render_start_) / static_cast<double>(done_here) : 0.0;
@@ -188,6 +190,8 @@ Result<SceneDescription> load_scene_of_job(const JobSpec& spec) {
 std::vector<std::string> LoadedJob::warnings() const {
   std::vector<std::string> all = scene->warnings();
   all.insert(all.end(), plan.warnings.begin(), plan.warnings.end());
+  const std::vector<std::string> of_method = integrator->warnings();
+  all.insert(all.end(), of_method.begin(), of_method.end());
   return all;
 }
 
@@ -197,9 +201,7 @@ Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   job.spec = spec;
   auto description = load_scene_of_job(spec);
   if (!description) return tl::unexpected(description.error());
-  auto plan = make_plan(spec, gather_facts(*description));
-  if (!plan) return tl::unexpected(plan.error());
-  job.plan = std::move(*plan);
+  job.plan = make_plan(spec, gather_facts(*description));
   auto hash = hash_scene(spec.folder / spec.scene.file, *description);
   if (!hash) return tl::unexpected(hash.error());
   job.scene_hash = std::move(*hash);

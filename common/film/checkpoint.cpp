@@ -1,7 +1,7 @@
 // Checkpoint of a film, little-endian:
 //   8 bytes   "PFCKPT04"
 //   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), then the states,
-//             the pixel sums, the features and the extras, packed
+//             the pixel sums, the features, the extras and the biases, packed
 //   64 bytes  SHA-256 of everything before, hexadecimal
 // A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there. Both ways stream: beside
 // the film itself no more than a buffer is held.
@@ -36,7 +36,8 @@ struct Header {
   std::uint32_t estimator;
   std::uint32_t has_radii;
   std::uint32_t extra;
-  std::int32_t part_edge;
+  std::int32_t part_edge, hit_points;
+  std::uint32_t unused;
   double radiance, flow, square, depth, alpha, round_growth;
   std::uint64_t round_begin, rounds, sub_passes, photon_paths, photons_stored, rays, not_finite, overflow;
 };
@@ -176,14 +177,15 @@ bool is_whole(std::FILE* file) {
 bool is_sane(const Header& h) {
   return h.width > 0 && h.height > 0 && std::int64_t{h.width} * h.height <= kMaxFilmPixels &&
          h.estimator <= static_cast<std::uint32_t>(Estimator::kIndependent) &&
-         h.extra <= static_cast<std::uint32_t>(Extra::kCacheRecords) && h.part_edge >= 0;
+         h.extra <= static_cast<std::uint32_t>(Extra::kBias) && h.part_edge >= 0 && h.hit_points > 0 &&
+         std::int64_t{h.width} * h.height * h.hit_points <= kMaxFilmPixels;
 }
 
 }  // namespace
 
 Result<void> Film::save(const std::filesystem::path& file, const std::string& identity, const std::string& attachment) const {
   const Header header{options_.width, options_.height, static_cast<std::uint32_t>(options_.estimator), has_radii_,
-                      static_cast<std::uint32_t>(options_.extra), options_.part_edge,
+                      static_cast<std::uint32_t>(options_.extra), options_.part_edge, options_.hit_points, 0,
                       options_.scale.radiance, options_.scale.flow, options_.scale.square, options_.scale.depth,
                       options_.alpha, options_.round_growth, round_begin_, rounds_, sums_.sub_passes,
                       sums_.photon_paths, sums_.photons_stored, sums_.rays, sums_.faults.not_finite,
@@ -197,6 +199,7 @@ Result<void> Film::save(const std::filesystem::path& file, const std::string& id
     out.put(sums_.pixels.data(), sums_.pixels.size());
     out.put(sums_.features.data(), sums_.features.size());
     out.put(sums_.extras.data(), sums_.extras.size());
+    out.put(bias_.data(), bias_.size());
     if (out.finish()) return {};
     return fail(ErrorKind::kInternal, fmt::format("{}: cannot write: {}", file.string(), std::strerror(errno)));
   });
@@ -221,10 +224,11 @@ Result<Film> Film::load(const std::filesystem::path& file, const std::string& id
   if (!in.take_text(attached) || !in.take(&h, 1) || !is_sane(h)) return broken("bad header");
   Film film(FilmOptions{h.width, h.height, static_cast<Estimator>(h.estimator),
                         SumScale{h.radiance, h.flow, h.square, h.depth}, h.alpha, h.round_growth,
-                        static_cast<Extra>(h.extra), h.part_edge});
+                        static_cast<Extra>(h.extra), h.part_edge, h.hit_points});
   if (!in.take(film.state_.data(), film.state_.size()) || !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
       !in.take(film.sums_.features.data(), film.sums_.features.size()) ||
-      !in.take(film.sums_.extras.data(), film.sums_.extras.size()) || !in.at_end()) {
+      !in.take(film.sums_.extras.data(), film.sums_.extras.size()) || !in.take(film.bias_.data(), film.bias_.size()) ||
+      !in.at_end()) {
     return broken("payload of another size");
   }
   film.has_radii_ = h.has_radii != 0;

@@ -14,6 +14,8 @@ void put(std::vector<float>& data, std::size_t pixel, const Rgb& value) {
   for (int c = 0; c < 3; ++c) data[3 * pixel + static_cast<std::size_t>(c)] = value[c];
 }
 
+bool has_specular_layer(Extra extra) { return extra != Extra::kNone && extra != Extra::kBias; }
+
 /// Name of the layer of Extra's marks; empty: it has none.
 std::string_view marks_layer(Extra extra) {
   switch (extra) {
@@ -29,8 +31,9 @@ std::string_view marks_layer(Extra extra) {
 }  // namespace
 
 Film::Film(const FilmOptions& options)
-    : options_(options), order_(options), sums_(options.width, options.height, true, options.extra != Extra::kNone) {
+    : options_(options), order_(options), sums_(options.width * options.hit_points, options.height, true, options.extra != Extra::kNone) {
   state_.resize(options.estimator == Estimator::kPath ? 0 : sums_.pixels.size());
+  bias_.resize(options.extra == Extra::kBias ? sums_.pixels.size() : 0);
 }
 
 void Film::set_initial_radii(std::vector<ProgressivePixel> state) {
@@ -38,18 +41,33 @@ void Film::set_initial_radii(std::vector<ProgressivePixel> state) {
   has_radii_ = true;
 }
 
-FlowState Film::closed(std::size_t pixel, Flow flow) const {
-  const FlowState& state = state_[pixel][flow];
-  const PixelSums& sums = sums_.pixels[pixel];
+FlowState Film::closed(std::size_t point, Flow flow) const {
+  const FlowState& state = state_[point][flow];
+  const PixelSums& sums = sums_.pixels[point];
   const std::uint64_t in_round = sums_.sub_passes - round_begin_;
   if (options_.estimator != Estimator::kShared || in_round == 0) return state;
   return updated(state, sums.photons[flow], sums.flow[flow], in_round, options_.alpha);
+}
+
+float Film::closed_bias(std::size_t point, Flow flow) const {
+  const std::uint64_t in_round = sums_.sub_passes - round_begin_;
+  const std::int64_t found = sums_.extras[point].rgb[flow];
+  if (options_.estimator != Estimator::kShared) return static_cast<float>(found);
+  if (in_round == 0) return bias_[point][flow];
+  // The mean of the biases that every sub-pass had at its own radius is kept as tau, the mean of radiances, is.
+  FlowState state = state_[point][flow];
+  state.tau = {bias_[point][flow], 0.0f, 0.0f};
+  return updated(state, sums_.pixels[point].photons[flow], {found, 0, 0}, in_round, options_.alpha).tau[0];
 }
 
 void Film::close_round_if_complete() {
   if (sums_.sub_passes < round_end()) return;
   for (std::size_t i = 0; options_.estimator == Estimator::kShared && i < state_.size(); ++i) {
     for (const Flow flow : {kCaustic, kIndirect}) {
+      if (!bias_.empty()) {
+        bias_[i][flow] = closed_bias(i, flow);
+        sums_.extras[i].rgb[flow] = 0;
+      }
       state_[i][flow] = closed(i, flow);
       sums_.pixels[i].photons[flow] = 0;
       sums_.pixels[i].flow[flow] = {};
@@ -73,15 +91,44 @@ double Film::samples_of(std::size_t pixel) const {
       order_.samples(static_cast<int>(pixel % width), static_cast<int>(pixel / width), sums_.sub_passes));
 }
 
-Rgb Film::flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const {
-  const double n = samples_of(pixel);
-  if (n == 0.0) return {0.0f, 0.0f, 0.0f};
-  if (options_.estimator != Estimator::kShared) return scaled(sums_.pixels[pixel].flow[flow], options_.scale.flow / n);
-  if (state.radius2 <= 0.0f) return {0.0f, 0.0f, 0.0f};
+double Film::radiance_factor(const FlowState& state, double samples) const {
+  if (options_.estimator != Estimator::kShared) return options_.scale.flow / samples;
   // Radiance evaluation [Hachisuka08 (10)]: tau / (pi R^2 N_emitted); the flux of a path already holds 1 / paths per sub-pass.
-  const double factor = options_.scale.flow / (static_cast<double>(kPi) * state.radius2 * n);
-  return {static_cast<float>(state.tau[0] * factor), static_cast<float>(state.tau[1] * factor),
-          static_cast<float>(state.tau[2] * factor)};
+  return state.radius2 > 0.0f ? options_.scale.flow / (static_cast<double>(kPi) * state.radius2 * samples) : 0.0;
+}
+
+Film::PixelEstimate Film::estimate(std::size_t pixel) const {
+  PixelEstimate e;
+  const double n = samples_of(pixel);
+  if (n == 0.0) return e;
+  const auto points = static_cast<std::size_t>(options_.hit_points);
+  const PixelSums& first = sums_.pixels[pixel * points];
+  const bool progressive = options_.estimator != Estimator::kPath;
+  e.direct = scaled(first.direct, options_.scale.radiance / n);
+  if (has_specular_layer(options_.extra)) e.specular = scaled(sums_.extras[pixel].rgb, options_.scale.radiance / n);
+  double sampled = luminance(e.direct) + luminance(e.specular);  // what the squares are of
+  for (std::size_t point = pixel * points; point < (pixel + 1) * points; ++point) {
+    const PixelSums& sums = sums_.pixels[point];
+    for (const Flow flow : {kCaustic, kIndirect}) {
+      const FlowState state = progressive ? closed(point, flow) : FlowState{};
+      const double factor = radiance_factor(state, n);
+      const bool shared = options_.estimator == Estimator::kShared;
+      const Rgb radiance = shared ? Rgb{static_cast<float>(state.tau[0] * factor), static_cast<float>(state.tau[1] * factor),
+                                        static_cast<float>(state.tau[2] * factor)}
+                                  : scaled(sums.flow[flow], factor);
+      const float found = shared ? state.count : static_cast<float>(sums.photons[flow]);
+      const double l = luminance(radiance);
+      e.flow[flow] += radiance;
+      e.photons[flow] += found;
+      if (point == pixel * points) e.radius[flow] = std::sqrt(state.radius2);
+      if (!progressive) sampled += l;
+      // Photons arrive as a Poisson process: N of them leave a relative variance of 1/N.
+      else if (found > 0) e.variance += l * l / found;
+      if (options_.extra == Extra::kBias) e.bias += closed_bias(point, flow) * factor;
+    }
+  }
+  if (n >= 2) e.variance += std::max(0.0, static_cast<double>(first.square) * options_.scale.square / n - sampled * sampled) / (n - 1);
+  return e;
 }
 
 std::vector<Layer> Film::layers(int first_row, int rows) const {
@@ -104,33 +151,24 @@ std::vector<Layer> Film::layers(int first_row, int rows) const {
   Layer radius = layer("radius", {"caustic", "indirect"});
   Layer specular = layer("specular", {"R", "G", "B"});
   Layer marks = layer(std::string(marks_layer(options_.extra)), {"Y"});
+  Layer error = layer("error", {"noise", "bias"});
   const bool progressive = options_.estimator != Estimator::kPath;
-  const bool extra = options_.extra != Extra::kNone;
   for (std::size_t i = 0; i < count && sums_.sub_passes > 0; ++i) {
     const std::size_t pixel = begin + i;
-    const PixelSums& sums = sums_.pixels[pixel];
-    std::array<Rgb, kFlows> flows;
+    const PixelEstimate e = estimate(pixel);
     for (const Flow flow : {kCaustic, kIndirect}) {
-      const FlowState state = progressive ? closed(pixel, flow) : FlowState{};
-      flows[flow] = flow_radiance(pixel, flow, state);
-      const bool shared = options_.estimator == Estimator::kShared;
-      photons.data[2 * i + flow] = shared ? state.count : static_cast<float>(sums.photons[flow]);
-      radius.data[2 * i + flow] = std::sqrt(state.radius2);
+      photons.data[2 * i + flow] = e.photons[flow];
+      radius.data[2 * i + flow] = e.radius[flow];
     }
-    const double n = std::max(samples_of(pixel), 1.0);
-    const Rgb direct_radiance = scaled(sums.direct, options_.scale.radiance / n);
-    Rgb all = direct_radiance + flows[kCaustic] + flows[kIndirect];
-    if (extra) {
-      const Rgb specular_radiance = scaled(sums_.extras[pixel].specular, options_.scale.radiance / n);
-      put(specular.data, i, specular_radiance);
-      marks.data[i] = static_cast<float>(sums_.extras[pixel].marks);
-      all += specular_radiance;
-    }
-    put(direct.data, i, direct_radiance);
-    put(caustics.data, i, flows[kCaustic]);
-    put(indirect.data, i, flows[kIndirect]);
-    put(beauty.data, i, all);
-    const FeatureSums& met = sums_.features[pixel];
+    put(direct.data, i, e.direct);
+    put(specular.data, i, e.specular);
+    put(caustics.data, i, e.flow[kCaustic]);
+    put(indirect.data, i, e.flow[kIndirect]);
+    put(beauty.data, i, e.all());
+    error.data[2 * i] = static_cast<float>(std::sqrt(e.variance));
+    error.data[2 * i + 1] = static_cast<float>(e.bias);
+    if (!marks.name.empty()) marks.data[i] = static_cast<float>(sums_.extras[pixel].marks);
+    const FeatureSums& met = sums_.features[pixel * static_cast<std::size_t>(options_.hit_points)];
     const double feature = met.samples() > 0 ? 1.0 / met.samples() : 0.0;
     for (std::size_t c = 0; c < 3; ++c) {
       albedo.data[3 * i + c] = static_cast<float>(met.albedo[c] * SumScale::kUnit * feature);
@@ -144,10 +182,9 @@ std::vector<Layer> Film::layers(int first_row, int rows) const {
     all.push_back(std::move(photons));
     all.push_back(std::move(radius));
   }
-  if (extra) {
-    all.insert(all.begin() + 2, std::move(specular));
-    if (!marks.name.empty()) all.push_back(std::move(marks));
-  }
+  if (has_specular_layer(options_.extra)) all.insert(all.begin() + 2, std::move(specular));
+  if (!marks.name.empty()) all.push_back(std::move(marks));
+  if (options_.extra == Extra::kBias) all.push_back(std::move(error));
   return all;
 }
 
@@ -160,28 +197,18 @@ ImageRows Film::image_rows() const {
 double Film::estimated_error() const {
   if (order_.whole_passes(sums_.sub_passes) < 2) return kInfinity;
   constexpr double kBlack = 0.01;  // of relMSE: mean of (x - r)^2 / (r^2 + 0.01)
+  // The bias is found from the same photons: 6 d^2/R^2 - 3 has a mean square of 3 over a disc, so its noise triples the variance.
+  constexpr double kBiasVariance = 3.0;
   double sum = 0.0;
-  for (std::size_t i = 0; i < sums_.pixels.size(); ++i) {
-    const PixelSums& p = sums_.pixels[i];
-    const double n = samples_of(i);
-    double mean = luminance(scaled(p.direct, options_.scale.radiance / n));
-    if (options_.extra != Extra::kNone) mean += luminance(scaled(sums_.extras[i].specular, options_.scale.radiance / n));
-    double total = mean;
-    double path_part = mean;
-    double variance = 0.0;
-    for (const Flow flow : {kCaustic, kIndirect}) {
-      const FlowState state = options_.estimator == Estimator::kPath ? FlowState{} : closed(i, flow);
-      const double l = luminance(flow_radiance(i, flow, state));
-      const double found = options_.estimator == Estimator::kShared ? static_cast<double>(state.count) : static_cast<double>(p.photons[flow]);
-      total += l;
-      if (options_.estimator == Estimator::kPath) path_part += l;
-      // Photons arrive as a Poisson process: N of them leave a relative variance of 1/N.
-      else if (found > 0) variance += l * l / found;
-    }
-    variance += std::max(0.0, static_cast<double>(p.square) * options_.scale.square / n - path_part * path_part) / (n - 1);
-    sum += variance / (total * total + kBlack);
+  const auto pixels = static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const PixelEstimate e = estimate(i);
+    const double l = luminance(e.all());
+    const double bias2 = options_.extra == Extra::kBias ? e.bias * e.bias - kBiasVariance * e.variance : 0.0;
+    sum += (e.variance + bias2) / (l * l + kBlack);
   }
-  return std::sqrt(sum / static_cast<double>(sums_.pixels.size()));
+  // Over many pixels what was taken off for the bias's noise is right; where it is more than what was found, there is no bias.
+  return std::sqrt(std::max(0.0, sum) / static_cast<double>(pixels));
 }
 
 }  // namespace pf

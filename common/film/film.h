@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -54,9 +55,22 @@ class Film {
                                          std::string* attachment = nullptr);
 
  private:
-  [[nodiscard]] FlowState closed(std::size_t pixel, Flow flow) const;
+  /// What is known of a pixel.
+  struct PixelEstimate {
+    Rgb direct{0, 0, 0}, specular{0, 0, 0};
+    std::array<Rgb, kFlows> flow{Rgb{0, 0, 0}, Rgb{0, 0, 0}};
+    std::array<float, kFlows> photons{};  ///< N, or photons found
+    std::array<float, kFlows> radius{};   ///< m; of the first hit point
+    double variance = 0;                  ///< of the mean luminance
+    double bias = 0;                      ///< of the luminance; Extra::kBias
+    [[nodiscard]] Rgb all() const { return direct + specular + flow[kCaustic] + flow[kIndirect]; }
+  };
+  [[nodiscard]] PixelEstimate estimate(std::size_t pixel) const;
+  [[nodiscard]] FlowState closed(std::size_t point, Flow flow) const;
+  [[nodiscard]] float closed_bias(std::size_t point, Flow flow) const;
   [[nodiscard]] std::vector<Layer> layers(int first_row, int rows) const;
-  [[nodiscard]] Rgb flow_radiance(std::size_t pixel, Flow flow, const FlowState& state) const;
+  /// Radiance of a sum of flux at a hit point that had `samples` eye samples and now has this state.
+  [[nodiscard]] double radiance_factor(const FlowState& state, double samples) const;
 
   /// Eye samples that the pixel has.
   [[nodiscard]] double samples_of(std::size_t pixel) const;
@@ -65,6 +79,7 @@ class Film {
   PassOrder order_;
   std::vector<ProgressivePixel> state_;
   Statistics sums_;
+  std::vector<std::array<float, kFlows>> bias_;  ///< Extra::kBias: kept as tau is, in steps of SumScale::flow
   std::uint64_t round_begin_ = 0;
   std::uint64_t rounds_ = 0;
   bool has_radii_ = false;

@@ -22,6 +22,7 @@ struct FilmOptions {
   double round_growth = 0.25;
   Extra extra = Extra::kNone;
   int part_edge = 0;   ///< pixels; a sub-pass covers one tile of this edge (PassOrder); 0: the whole image
+  int hit_points = 1;  ///< statistics that every pixel keeps (ppm); those of pixel i are hit_points * i and following
 };
 
 }  // namespace pf

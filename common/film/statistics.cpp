@@ -37,7 +37,7 @@ bool add_features(FeatureSums& sum, const FeatureSums& f) {
 
 bool add_extra(ExtraSums& sum, const ExtraSums& e) {
   bool exact = add_exact(sum.marks, e.marks);
-  for (std::size_t c = 0; c < 3; ++c) exact = exact && add_exact(sum.specular[c], e.specular[c]);
+  for (std::size_t c = 0; c < 3; ++c) exact = exact && add_exact(sum.rgb[c], e.rgb[c]);
   return exact;
 }
 

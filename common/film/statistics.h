@@ -50,12 +50,14 @@ struct FeatureSums {
 /// What only some methods sum per pixel, and what its four integers then mean.
 enum class Extra : std::uint8_t {
   kNone,
-  kSpecular,      ///< radiance seen through sharp reflections or refractions (r, g, b), and nothing
+  kSpecular,      ///< radiance seen through sharp reflections or refractions, in steps of SumScale::radiance; and nothing
   kGatherPoints,  ///< the same, and how often a gather point was placed here
-  kCacheRecords   ///< the same, and how often a record of the irradiance cache was placed here
+  kCacheRecords,  ///< the same, and how often a record of the irradiance cache was placed here
+  kBias           ///< of each flow, luminance times 6 d^2/R^2 - 3 over the photons found, in steps of SumScale::flow: what the
+                  ///< disc adds to its middle's radiance; and nothing
 };
 struct ExtraSums {
-  std::array<std::int64_t, 3> specular{};  ///< in steps of SumScale::radiance
+  std::array<std::int64_t, 3> rgb{};  ///< or the flows' sums
   std::int64_t marks = 0;
 
   friend bool operator==(const ExtraSums&, const ExtraSums&) = default;

@@ -57,8 +57,13 @@ struct JobSpec {
     double alpha = 0.6667;
     double initial_radius = 0.0;      ///< metres; 0: per pixel, from the scene
     int max_depth = 32;               ///< bounces; 0: no bound but Russian roulette
+    bool error_estimate = false;      ///< ppm, sppm: layers of noise and bias
     std::uint64_t seed = 1;
   } integrator;
+  struct Ppm {
+    int eye_samples = 4;                    ///< of a pixel, the same in every sub-pass
+    int hit_points = 8;                     ///< statistics of a pixel, at most
+  } ppm;
   /// The maps of photon_map, final_gather and irradiance_cache.
   struct PhotonMap {
     std::int64_t caustic_photons = 500000;  ///< paths of the caustic map; those of the global one: integrator.photons
@@ -94,6 +99,7 @@ struct JobSpec {
     std::int64_t passes = 64;         ///< 0: no bound
     double seconds = 0;               ///< 0: no bound
     double error = 0;                 ///< 0: no bound
+    std::int64_t memory = 0;          ///< MiB; 0: no bound
   } stop;
   struct Checkpoint {
     double seconds = 30;

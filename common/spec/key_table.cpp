@@ -79,11 +79,12 @@ constexpr IntegerKind kVersion = {
     1, 1, [](const JobSpec& spec) { return std::int64_t{spec.spec_version}; },
     [](JobSpec& spec, std::int64_t v) { spec.spec_version = static_cast<int>(v); }};
 
-constexpr std::array<Table, 12> kTables = {{
+constexpr std::array<Table, 13> kTables = {{
     {"job", "The job itself."},
     {"scene", "What is rendered. Paths are relative to the job file; nothing outside its folder is read."},
     {"image", "The picture."},
     {"integrator", "How light is computed."},
+    {"ppm", "Where the eye of ppm looks."},
     {"photon_map", "The photon maps of photon_map, final_gather and irradiance_cache."},
     {"final_gather", "Indirect light of final_gather."},
     {"irradiance_cache", "Indirect light of irradiance_cache."},
@@ -99,6 +100,7 @@ constexpr auto kJob = &S::job;
 constexpr auto kScene = &S::scene;
 constexpr auto kImage = &S::image;
 constexpr auto kIntegrator = &S::integrator;
+constexpr auto kPpm = &S::ppm;
 constexpr auto kPhotonMap = &S::photon_map;
 constexpr auto kFinalGather = &S::final_gather;
 constexpr auto kIrradianceCache = &S::irradiance_cache;
@@ -167,9 +169,17 @@ constexpr std::array kKeys = {
     Key{"integrator", "max_depth", kOptional, kDecides, "bounces",
         "Longest path; 0: ended by Russian roulette alone.",
         integer<kIntegrator, &S::Integrator::max_depth>(0, 65535)},
+    Key{"integrator", "error_estimate", kOptional, kDecides, "",
+        "ppm and sppm estimate each pixel's noise and bias, as layers; with stop.error they always do.",
+        boolean<kIntegrator, &S::Integrator::error_estimate>()},
     Key{"integrator", "seed", kOptional, kDecides, "", "Seed of all random numbers of the job.",
         integer<kIntegrator, &S::Integrator::seed>(0, kMaxSeed)},
 
+    Key{"ppm", "eye_samples", kOptional, kDecides, "samples", "Eye samples of a pixel, the same in every sub-pass.",
+        integer<kPpm, &S::Ppm::eye_samples>(1, 1024)},
+    Key{"ppm", "hit_points", kOptional, kDecides, "hit points",
+        "Hit points of a pixel that keep statistics of their own, at most; 132 bytes each.",
+        integer<kPpm, &S::Ppm::hit_points>(1, 1024)},
     Key{"photon_map", "caustic_photons", kOptional, kDecides, "paths",
         "Photon paths of the caustic map; those of the global map are integrator.photons.",
         integer<kPhotonMap, &S::PhotonMap::caustic_photons>(1, kMax32)},
@@ -229,8 +239,11 @@ constexpr std::array kKeys = {
         "Sub-passes; for path samples per pixel, for photon_map, final_gather and irradiance_cache the same in fours; 0: no bound.", integer<kStop, &S::Stop::passes>(0, kMax32)},
     Key{"stop", "seconds", kOptional, kIrrelevant, "s", "Seconds of rendering; 0: no bound.",
         real<kStop, &S::Stop::seconds>(0, kMaxSeconds)},
-    Key{"stop", "error", kOptional, kIrrelevant, "", "Estimated relative error of the image; 0: no bound.",
+    Key{"stop", "error", kOptional, kIrrelevant, "", "Estimated relative error of the image (ppm and sppm: noise and bias); 0: no bound.",
         real<kStop, &S::Stop::error>(0, 1)},
+    Key{"stop", "memory", kOptional, kIrrelevant, "MiB",
+        "Resident memory of photonfarm render after which no pass is begun; 0: no bound. A farm's workers do not look at it.",
+        integer<kStop, &S::Stop::memory>(0, kMax32)},
 
     Key{"checkpoint", "seconds", kOptional, kIrrelevant, "s",
         "Least time between two checkpoints; 0: one after every work unit.",

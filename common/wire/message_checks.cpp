@@ -107,7 +107,9 @@ void FieldChecks::film(const wire::FilmOptions& options, const std::string& fiel
   step(options.depth_step(), "depth_step");
   checks.expect(options.alpha() > 0.0 && options.alpha() <= 1.0, "alpha", "a number above 0, at most 1");
   checks.range(options.round_growth(), 0.0, kMaxGrowth, "round_growth");
-  checks.expect(options.extra() <= static_cast<std::uint32_t>(Extra::kCacheRecords), "extra", "a known kind of extra sums");
+  checks.expect(options.extra() <= static_cast<std::uint32_t>(Extra::kBias), "extra", "a known kind of extra sums");
+  checks.expect(options.hit_points() >= 1 && options.hit_points() <= std::uint64_t{kMaxImageEdge}, "hit_points", "at least 1");
+  checks.image(std::uint64_t{options.width()} * options.hit_points(), options.height());
   checks.expect(options.part_edge() <= std::uint64_t{kMaxImageEdge}, "part_edge", "at most the longest edge of an image");
   part(checks.wrong());
 }

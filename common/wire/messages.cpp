@@ -80,6 +80,7 @@ wire::FilmOptions to_wire(const FilmOptions& options) {
   out.set_round_growth(options.round_growth);
   out.set_extra(static_cast<std::uint32_t>(options.extra));
   out.set_part_edge(static_cast<std::uint32_t>(options.part_edge));
+  out.set_hit_points(static_cast<std::uint32_t>(options.hit_points));
   return out;
 }
 
@@ -94,6 +95,7 @@ Result<FilmOptions> from_wire(const wire::FilmOptions& options) {
   out.round_growth = options.round_growth();
   out.extra = static_cast<Extra>(options.extra());
   out.part_edge = static_cast<int>(options.part_edge());
+  out.hit_points = static_cast<int>(options.hit_points());
   return out;
 }
 

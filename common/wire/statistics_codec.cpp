@@ -2,7 +2,7 @@
 //   u32  index of the tile
 //   u8   parts: bit 0 pixel sums, bit 1 feature sums, bit 2 extra sums; the others are all zero. Never none: such a tile is
 //   left out then the columns (columns.h) of each part: direct, flow, square, photons; albedo, normal,
-//   depth_and_samples; specular, marks
+//   depth_and_samples; rgb, marks
 // A tile holds kTilePixels pixels, the last one of the image what is left.
 
 #include "common/wire/statistics_codec.h"
@@ -51,7 +51,7 @@ constexpr std::array kFeatureColumns = [] {
 }();
 constexpr std::array kExtraColumns = [] {
   std::array<Column, 4> columns{};
-  for (std::size_t c = 0; c < 3; ++c) columns[c] = {at(offsetof(ExtraSums, specular), c, 8), ColumnType::kInt64};
+  for (std::size_t c = 0; c < 3; ++c) columns[c] = {at(offsetof(ExtraSums, rgb), c, 8), ColumnType::kInt64};
   columns[3] = {offsetof(ExtraSums, marks), ColumnType::kInt64};
   return columns;
 }();

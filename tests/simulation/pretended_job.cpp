@@ -59,7 +59,7 @@ void pretend_to_trace(const JobSpec& spec, std::uint64_t first, std::uint64_t co
         pixel.photons[flow] += static_cast<std::uint32_t>(rng.next1() * 40.0f * radius2);
         for (auto& c : pixel.flow[flow]) c += static_cast<std::int64_t>(rng.next1() * 1e8f * radius2);
       }
-      if (film.extra != Extra::kNone) sums.extras[i].specular[0] += number();
+      if (film.extra != Extra::kNone) sums.extras[i].rgb[0] += number();
       if (part.sample < kFeatureSubPasses) {
         sums.features[i].albedo[0] = static_cast<std::int16_t>(sums.features[i].albedo[0] + 100);
         sums.features[i].add_depth(1000.0 + static_cast<double>(s));

@@ -44,7 +44,7 @@ class Renders {
   std::vector<std::vector<Rgb>> images_;
 };
 
-/// Calls `test` with a name and a job for the path tracer and for SPPM in both modes.
+/// Calls `test` with a name and a job for every algorithm that is consistent, for SPPM in both modes.
 template <typename F>
 void for_each_algorithm(const JobSpec& base, F&& test) {
   JobSpec spec = base;
@@ -55,6 +55,9 @@ void for_each_algorithm(const JobSpec& base, F&& test) {
   test("sppm shared", spec);
   spec.integrator.mode = ProgressiveMode::kIndependent;
   test("sppm independent", spec);
+  spec.integrator.type = IntegratorType::kPpm;
+  spec.integrator.mode = ProgressiveMode::kShared;
+  test("ppm shared", spec);
 }
 
 }  // namespace pf::test

@@ -13,12 +13,19 @@ Eye::Eye(const Scene& scene, const Camera& camera, int width, int height, std::u
       height_(height),
       seed_(seed) {}
 
-Eye::Start Eye::start(int x, int y, std::uint64_t sample) const {
+PixelSequence Eye::sequence(int x, int y, std::uint64_t sample, std::uint32_t purpose) const {
   const auto pixel = static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(width_) + static_cast<std::uint32_t>(x);
   // Sequences are 32 bits long; a job that goes on beyond starts another one.
   std::uint32_t h = combine_hash(static_cast<std::uint32_t>(seed_), static_cast<std::uint32_t>(seed_ >> 32));
   h = combine_hash(h, static_cast<std::uint32_t>(sample >> 32));
-  PixelSequence sequence(combine_hash(h, pixel), static_cast<std::uint32_t>(sample));
+  if (purpose != 0) h = combine_hash(h, purpose);
+  return {combine_hash(h, pixel), static_cast<std::uint32_t>(sample)};
+}
+
+PixelSequence Eye::light_sequence(int x, int y, std::uint64_t sub_pass) const { return sequence(x, y, sub_pass, 1); }
+
+Eye::Start Eye::start(int x, int y, std::uint64_t sample) const {
+  PixelSequence sequence = this->sequence(x, y, sample, 0);
   const Vec2f film = sequence.next2() + Vec2f{static_cast<float>(x), static_cast<float>(y)};
   const Vec2f lens = camera_.has_lens() ? sequence.next2() : Vec2f{0.5f, 0.5f};
   const CameraRays::Generated ray = camera_.ray(film, lens);
@@ -53,7 +60,7 @@ void Tally::commit() {
     all += flow_[f];
   }
   if (extra_ != nullptr && !is_zero(specular_)) {
-    exact = add_quantised(extra_->specular, specular_, scale_.radiance) && exact;
+    exact = add_quantised(extra_->rgb, specular_, scale_.radiance) && exact;
     all += specular_;
   }
   if (!exact) ++faults_.overflow;

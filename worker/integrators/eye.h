@@ -26,12 +26,16 @@ class Eye {
     Ray ray;
   };
   [[nodiscard]] Start start(int x, int y, std::uint64_t sample) const;
+  /// A sequence for direct light of eye paths that stay the same from sub-pass to sub-pass.
+  [[nodiscard]] PixelSequence light_sequence(int x, int y, std::uint64_t sub_pass) const;
   [[nodiscard]] const CameraRays& camera() const { return camera_; }
   [[nodiscard]] const MediumStack& media() const { return media_; }
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
 
  private:
+  [[nodiscard]] PixelSequence sequence(int x, int y, std::uint64_t sample, std::uint32_t purpose) const;
+
   CameraRays camera_;
   MediumStack media_;     ///< volumes that the camera stands in
   int width_, height_;

@@ -1,6 +1,9 @@
 #include "worker/integrators/factory.h"
 
+#include "worker/integrators/irradiance_cache.h"
 #include "worker/integrators/path.h"
+#include "worker/integrators/photon_splat.h"
+#include "worker/integrators/ppm.h"
 #include "worker/integrators/sppm.h"
 
 namespace pf {
@@ -10,6 +13,12 @@ std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Sce
   switch (type) {
     case IntegratorType::kPath:
       return std::make_unique<PathIntegrator>(scene, camera, spec);
+    case IntegratorType::kIrradianceCache:
+      return std::make_unique<IrradianceCacheIntegrator>(scene, camera, spec);
+    case IntegratorType::kPhotonSplat:
+      return std::make_unique<PhotonSplatIntegrator>(scene, camera, spec);
+    case IntegratorType::kPpm:
+      return std::make_unique<PpmIntegrator>(scene, camera, spec);
     default:
       return std::make_unique<SppmIntegrator>(scene, camera, spec);
   }

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
+#include <string>
 #include <vector>
 
 #include "common/base/result.h"
@@ -27,6 +27,8 @@ class Integrator {
   [[nodiscard]] virtual FilmOptions film_options() const = 0;
   /// Radii that the first round starts with, from sub-pass 0 alone; empty when the algorithm has none.
   [[nodiscard]] virtual std::vector<ProgressivePixel> initial_radii() const = 0;
+  /// What a user should know of how the structures were made.
+  [[nodiscard]] virtual std::vector<std::string> warnings() const { return {}; }
   /// Adds the unit's sub-passes to `sums`. `state`: radii at the start of the unit's round. Uses the threads of the
   /// calling arena; the sums do not depend on how many there are.
   virtual void run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const = 0;

@@ -1,6 +1,5 @@
 #include "worker/plan/plan.h"
 
-#include <array>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -8,8 +7,6 @@
 
 namespace pf {
 namespace {
-
-constexpr std::array kAvailable = {IntegratorType::kPath, IntegratorType::kSppm};
 
 std::string plural(std::int64_t n, std::string_view singular, std::string_view plural_form) {
   return fmt::format("{} {}", n, n == 1 ? singular : plural_form);
@@ -62,7 +59,7 @@ void decide(Plan& plan, bool& term, std::string subject, bool on, std::string wh
 void decide_terms(const JobSpec& spec, const SceneFacts& facts, Plan& plan) {
   const MaterialCounts& m = facts.materials;
   const int reached = facts.caustics.reached_by_small + facts.caustics.reached_by_large;
-  const bool photons = plan.algorithm == IntegratorType::kSppm;
+  const bool photons = plan.algorithm != IntegratorType::kPath;
   decide(plan, plan.caustic_statistics, "caustic statistics", photons && reached > 0,
          caster_words(facts.caustics, reached) + " reached by light",
          photons ? "no light reaches a surface that focuses it" : "the algorithm traces no photons");
@@ -90,7 +87,7 @@ void decide_terms(const JobSpec& spec, const SceneFacts& facts, Plan& plan) {
 
 }  // namespace
 
-Result<Plan> make_plan(const JobSpec& spec, const SceneFacts& facts) {
+Plan make_plan(const JobSpec& spec, const SceneFacts& facts) {
   Plan plan;
   const IntegratorType asked = spec.integrator.type;
   if (asked == IntegratorType::kAuto) {
@@ -98,14 +95,6 @@ Result<Plan> make_plan(const JobSpec& spec, const SceneFacts& facts) {
     plan.algorithm = decision.choice == "sppm" ? IntegratorType::kSppm : IntegratorType::kPath;
     plan.decisions.push_back(std::move(decision));
   } else {
-    bool available = false;
-    for (const IntegratorType type : kAvailable) available = available || type == asked;
-    if (!available) {
-      return fail(
-          ErrorKind::kInvalidSpec,
-          fmt::format("integrator.type: this version has no \"{}\"; expected \"path\", \"sppm\" or \"auto\"",
-                      to_string(asked)));
-    }
     plan.algorithm = asked;
     plan.decisions.push_back(
         {"algorithm", std::string(to_string(asked)), "the job asks for it (integrator.type)"});

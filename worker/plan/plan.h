@@ -34,9 +34,8 @@ struct Plan {
   std::vector<std::string> warnings;
 };
 
-/// Decides from the job and the scene alone; same input, same plan. Errors: kInvalidSpec for an algorithm
-/// that this build does not have.
-[[nodiscard]] Result<Plan> make_plan(const JobSpec& spec, const SceneFacts& facts);
+/// Decides from the job and the scene alone; same input, same plan.
+[[nodiscard]] Plan make_plan(const JobSpec& spec, const SceneFacts& facts);
 
 /// What `photonfarm plan` prints: the job, the scene's facts, each decision with its reason.
 [[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Plan& plan);

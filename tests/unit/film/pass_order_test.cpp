@@ -64,7 +64,7 @@ TEST(Film, DividesEveryPixelByTheSamplesThatItHas) {
   for (std::size_t i = 0; i < sums.pixels.size(); ++i) {
     const std::int64_t n = i % 32 < 16 ? 4 : 2;
     sums.pixels[i].direct.fill(n * (std::int64_t{2} << 24));
-    sums.extras[i].specular.fill(n * (std::int64_t{1} << 24));
+    sums.extras[i].rgb.fill(n * (std::int64_t{1} << 24));
     sums.extras[i].marks = n;
   }
   sums.sub_passes = 6;

@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
@@ -22,7 +23,7 @@ JobSpec small(IntegratorType type, ProgressiveMode mode = ProgressiveMode::kShar
 
 testing::AssertionResult same_sums(const Statistics& a, const Statistics& b) {
   for (std::size_t i = 0; i < a.pixels.size(); ++i) {
-    if (a.pixels[i] != b.pixels[i] || a.features[i] != b.features[i]) {
+    if (a.pixels[i] != b.pixels[i] || a.features[i] != b.features[i] || (!a.extras.empty() && a.extras[i] != b.extras[i])) {
       return testing::AssertionFailure() << "pixel " << i << " differs";
     }
   }
@@ -32,6 +33,8 @@ testing::AssertionResult same_sums(const Statistics& a, const Statistics& b) {
   }
   return testing::AssertionSuccess();
 }
+
+Statistics empty_sums(const Integrator& integrator) { return Film(integrator.film_options()).sums(); }
 
 template <typename F>
 void on_threads(int threads, F&& work) {
@@ -66,7 +69,7 @@ TEST_P(Determinism, OneTwoAndFiveThreadsGiveTheSameImage) {
 TEST_P(Determinism, AUnitCutInTwoGivesTheSameSums) {
   const auto integrator = make_integrator(*scene_, spec_);
   const auto radii = integrator->initial_radii();
-  Statistics whole(40, 24), parts(40, 24);
+  Statistics whole = empty_sums(*integrator), parts = whole;
   integrator->run({3, 5}, radii, whole);
   integrator->run({3, 2}, radii, parts);
   integrator->run({5, 3}, radii, parts);
@@ -76,11 +79,11 @@ TEST_P(Determinism, AUnitCutInTwoGivesTheSameSums) {
 TEST_P(Determinism, ResultsMergedInAnyOrderGiveTheSameSums) {
   const auto integrator = make_integrator(*scene_, spec_);
   const auto radii = integrator->initial_radii();
-  std::vector<Statistics> units(3, Statistics(40, 24));
+  std::vector<Statistics> units(3, empty_sums(*integrator));
   integrator->run({0, 1}, radii, units[0]);
   integrator->run({1, 2}, radii, units[1]);
   integrator->run({3, 1}, radii, units[2]);
-  Statistics forwards(40, 24), backwards(40, 24), whole(40, 24);
+  Statistics forwards = empty_sums(*integrator), backwards = forwards, whole = forwards;
   for (const int i : {0, 1, 2}) ASSERT_TRUE(forwards.add(units[static_cast<std::size_t>(i)]));
   for (const int i : {2, 0, 1}) ASSERT_TRUE(backwards.add(units[static_cast<std::size_t>(i)]));
   integrator->run({0, 4}, radii, whole);
@@ -97,11 +100,11 @@ TEST_P(Determinism, AnotherSeedGivesAnotherImage) {
 INSTANTIATE_TEST_SUITE_P(Algorithms, Determinism,
                          testing::Values(std::pair{IntegratorType::kPath, ProgressiveMode::kShared},
                                          std::pair{IntegratorType::kSppm, ProgressiveMode::kShared},
-                                         std::pair{IntegratorType::kSppm, ProgressiveMode::kIndependent}),
+                                         std::pair{IntegratorType::kSppm, ProgressiveMode::kIndependent},
+                                         std::pair{IntegratorType::kPpm, ProgressiveMode::kShared},
+                                         std::pair{IntegratorType::kPpm, ProgressiveMode::kIndependent}),
                          [](const auto& param) {
-                           if (param.param.first == IntegratorType::kPath) return "Path";
-                           return param.param.second == ProgressiveMode::kShared ? "SppmShared"
-                                                                                 : "SppmIndependent";
+                           return fmt::format("{}_{}", to_string(param.param.first), to_string(param.param.second));
                          });
 
 TEST(PhotonTracer, GivesTheSamePhotonsInTheSameOrderOnAnyNumberOfThreads) {

@@ -35,6 +35,7 @@ type = "sppm"
 mode = "independent"
 photons = 1000
 round_growth = 0.5
+error_estimate = true
 alpha = 0.7
 initial_radius = 0.01
 max_depth = 8
@@ -43,11 +44,15 @@ seed = 9223372036854775807
 passes = 16
 seconds = 0.1
 error = 1e-3
+memory = 13
 [checkpoint]
 seconds = 5
 [faults]
 max_attempts = 3
 unit_timeout_seconds = 60.5
+[ppm]
+eye_samples = 5
+hit_points = 6
 [photon_map]
 caustic_photons = 7
 nearest = 8
@@ -80,16 +85,16 @@ constexpr std::string_view kFullCanonical =
     R"("faults":{"max_attempts":3,"unit_timeout_seconds":60.5},)"
     R"("final_gather":{"error":0.5,"importance":0.125,"precompute":false,"rays":10},)"
     R"("image":{"exposure":-1.5,"height":200,"width":320},)"
-    R"("integrator":{"alpha":0.7,"initial_radius":0.01,"max_depth":8,"mode":"independent","photons":1000,)"
+    R"("integrator":{"alpha":0.7,"error_estimate":true,"initial_radius":0.01,"max_depth":8,"mode":"independent","photons":1000,)"
     R"("round_growth":0.5,"seed":9223372036854775807,"type":"sppm"},)"
     R"("irradiance_cache":{"error":0.25,"max_spacing":12.0,"min_spacing":2.0,"rays":11,"source":"path"},)"
     R"("job":{"name":"glass-caustic","priority":70},)"
     R"("photon_map":{"caustic_nearest":9,"caustic_photons":7,"filter":"gaussian","max_distance":0.25,)"
     R"("nearest":8,"projection_map":"off","show_map":true},)"
-    R"("photon_splat":{"differentials":false,"kernel":"cone","smoothing":2.0},)"
+    R"("photon_splat":{"differentials":false,"kernel":"cone","smoothing":2.0},"ppm":{"eye_samples":5,"hit_points":6},)"
     R"("scene":{"camera":"Küche \"links\"","environment":"sky/Noon.HDR","environment_radiance":[],)"
     R"("environment_scale":2.0,"file":"scenes/glass-caustic.gltf","focus_distance":3.5,"lens_radius":0.05,)"
-    R"("scene":"1"},"spec_version":1,"stop":{"error":0.001,"passes":16,"seconds":0.1}})";
+    R"("scene":"1"},"spec_version":1,"stop":{"error":0.001,"memory":13,"passes":16,"seconds":0.1}})";
 
 JobSpec parsed(std::string_view toml, const std::vector<std::string>& overrides = {}) {
   auto job = parse_job_toml(toml, "job.toml", overrides);
@@ -225,16 +230,16 @@ TEST(Overrides, MayGiveWhatTheFileLacks) {
 TEST(Overrides, AreNamedByTheirErrors) {
   EXPECT_EQ(refusal("stop.pases=64"),
             "--set stop.pases=64: unknown key 'stop.pases'; expected one of passes, "
-            "seconds, error; did you mean 'stop.passes'?");
+            "seconds, error, memory; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stpo.passes=64"),
             "--set stpo.passes=64: unknown table 'stpo'; expected one of job, scene, "
-            "image, integrator, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop'?");
+            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop'?");
   EXPECT_EQ(refusal("passes=64"),
             "--set passes=64: unknown key 'passes'; expected one of spec_version, job, scene, "
-            "image, integrator, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop.passes'?");
+            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stop={passes=1}"),
             "--set stop={passes=1}: 'stop' is a table; expected --set stop.key=value "
-            "with a key out of passes, seconds, error");
+            "with a key out of passes, seconds, error, memory");
   EXPECT_EQ(refusal("stop.passes"), "--set stop.passes: no '='; expected --set table.key=value");
   EXPECT_EQ(refusal("stop.passes=64.0"),
             "--set stop.passes=64.0: stop.passes is the real number 64.0; expected an "
@@ -267,9 +272,9 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 
 TEST(SpecHash, IsStable) {
   EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)),
-            "4cd1f9e9a71e8ce3cc190c13d690c4d951b3938d3cfdb9892157c03404476f12");
+            "c1bd4ba888d8c796f2ddfb69acfbf8c420b2cdf37fdbb815e24be5d344ea18fd");
   EXPECT_EQ(image_hash_of_spec(parsed(kFull)),
-            "20c58cddca6a46ba5358bae84b481dd7a1ab7129548e6dc0857417c43677b9a9");
+            "43e8c49b959728ea4ecdb2e0b94108e5de1c3493b312ee11b4f69f1af8cae8ac");
 }
 
 TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
@@ -282,7 +287,8 @@ TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
 TEST(SpecHash, IgnoresWhatDoesNotDecideTheImage) {
   const JobSpec other =
       parsed(kMinimal, {"job.name=other", "job.priority=1", "image.exposure=1", "stop.passes=1",
-                        "stop.seconds=1", "stop.error=1", "checkpoint.seconds=1", "faults.max_attempts=1",
+                        "stop.seconds=1", "stop.error=1", "stop.memory=1",
+                        "checkpoint.seconds=1", "faults.max_attempts=1",
                         "faults.unit_timeout_seconds=1"});
   EXPECT_EQ(image_hash_of_spec(other), image_hash_of_spec(parsed(kMinimal)));
 }
@@ -294,7 +300,7 @@ TEST(SpecHash, ChangesWithWhatDecidesTheImage) {
         "scene.focus_distance=2", "image.width=1", "image.height=1", "integrator.type=path",
         "integrator.mode=independent", "integrator.photons=1", "integrator.round_growth=1",
         "integrator.alpha=1", "integrator.initial_radius=1", "integrator.max_depth=1", "integrator.seed=2",
-        "photon_map.nearest=1", "final_gather.precompute=false", "irradiance_cache.source=path",
+        "ppm.hit_points=1", "integrator.error_estimate=true", "photon_map.nearest=1", "final_gather.precompute=false", "irradiance_cache.source=path",
         "cache.file=a.pfcache", "photon_splat.kernel=cone"}) {
     EXPECT_NE(image_hash_of_spec(parsed(kMinimal, {argument})), image_hash_of_spec(parsed(kMinimal)))
         << argument;

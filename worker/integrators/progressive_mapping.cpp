@@ -1,7 +1,8 @@
-#include "worker/integrators/sppm.h"
+#include "worker/integrators/progressive_mapping.h"
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "common/base/parallel.h"
 #include "worker/integrators/eye_paths.h"
@@ -34,8 +35,10 @@ PhotonOptions photon_options(const JobSpec& spec) {
 
 }  // namespace
 
-SppmIntegrator::SppmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
+ProgressiveMapping::ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec,
+                                       const EyeSampling& sampling)
     : scene_(scene),
+      sampling_(sampling),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
       tracer_(scene, photon_options(spec)),
       fixed_radius_(spec.integrator.initial_radius),
@@ -43,6 +46,8 @@ SppmIntegrator::SppmIntegrator(const Scene& scene, const Camera& camera, const J
       max_depth_(spec.integrator.max_depth) {
   film_.width = spec.image.width;
   film_.height = spec.image.height;
+  film_.hit_points = sampling.hit_points;
+  film_.extra = spec.integrator.error_estimate || spec.stop.error > 0.0 ? Extra::kBias : Extra::kNone;
   film_.estimator =
       spec.integrator.mode == ProgressiveMode::kShared ? Estimator::kShared : Estimator::kIndependent;
   film_.scale = scale_of_scene(scene, film_.estimator == Estimator::kShared ? tracer_.flux_unit() : 0.0);
@@ -50,7 +55,7 @@ SppmIntegrator::SppmIntegrator(const Scene& scene, const Camera& camera, const J
   film_.round_growth = spec.integrator.round_growth;
 }
 
-SppmIntegrator::Trees SppmIntegrator::build_trees(PhotonBatch batch) const {
+ProgressiveMapping::Trees ProgressiveMapping::build_trees(PhotonBatch batch) const {
   Trees trees;
   parallel_invoke([&] { trees[kCaustic] = PhotonTree(std::move(batch.flows[kCaustic])); },
                   [&] { trees[kIndirect] = PhotonTree(std::move(batch.flows[kIndirect])); });
@@ -58,12 +63,15 @@ SppmIntegrator::Trees SppmIntegrator::build_trees(PhotonBatch batch) const {
 }
 
 /// Chooses the first radii of a pixel and keeps its discs.
-struct SppmIntegrator::RadiusSink {
-  const SppmIntegrator& integrator;
+struct ProgressiveMapping::RadiusSink {
+  const ProgressiveMapping& integrator;
   const Trees& trees;
-  ProgressivePixel& pixel;
+  std::span<ProgressivePixel> points;  ///< of the pixel
+  std::size_t first;                   ///< index of the first of them
   std::vector<GatherDisc>& discs;
+  std::vector<std::size_t>& owners;    ///< of the discs
   TileFigures& figures;
+  std::size_t gathers = 0;
 
   void ray() { ++figures.rays; }
   void escape(const EyeWalk&) {}
@@ -72,6 +80,8 @@ struct SppmIntegrator::RadiusSink {
   void direct(const Vertex&, float, const Vec2f&, float, const EyeWalk&) {}
   void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, const EyeWalk& walk) {
     const float footprint = integrator.eye_.camera().footprint(walk.distance);
+    const std::size_t point = std::min(gathers++, points.size() - 1);
+    ProgressivePixel& pixel = points[point];
     for (const Flow flow : {kCaustic, kIndirect}) {
       const float radius2 = integrator.first_radius2(trees[flow], flow, vertex, footprint);
       float& least = pixel[flow].radius2;
@@ -79,10 +89,11 @@ struct SppmIntegrator::RadiusSink {
     }
     const float widest = std::max(pixel[kCaustic].radius2, pixel[kIndirect].radius2);
     discs.push_back({vertex.point, query_at(vertex, widest), u});
+    owners.push_back(first + point);
   }
 };
 
-float SppmIntegrator::first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const {
+float ProgressiveMapping::first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const {
   if (fixed_radius_ > 0.0) return static_cast<float>(fixed_radius_ * fixed_radius_);
   const RadiusRule& rule = kRadiusRules[flow];
   // No disc is wider than a part of the scene, however far away the surface is seen from.
@@ -100,34 +111,33 @@ float SppmIntegrator::first_radius2(const PhotonTree& tree, Flow flow, const Ver
   return query.radius2;
 }
 
-std::vector<ProgressivePixel> SppmIntegrator::initial_radii() const {
+std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
   const Trees trees = build_trees(tracer_.trace(0));
   const auto width = static_cast<std::size_t>(eye_.width());
-  std::vector<ProgressivePixel> state(width * static_cast<std::size_t>(eye_.height()));
+  std::vector<ProgressivePixel> state(width * static_cast<std::size_t>(eye_.height()) * points());
+  for (ProgressivePixel& point : state) point.covered_radius = kInfinity;
   Statistics figures;
   for_each_tile(eye_.width(), eye_.height(), figures, [&](const Tile& tile, TileFigures& sheet) {
     std::vector<GatherDisc> discs;
-    std::vector<std::size_t> pixels;  // of the discs
+    std::vector<std::size_t> owners;
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
-        const std::size_t i = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
-        state[i].covered_radius = kInfinity;
-        RadiusSink sink{*this, trees, state[i], discs, sheet};
-        EyePaths(scene_, eye_, max_depth_).follow(x, y, 0, sink);
-        pixels.resize(discs.size(), i);
+        const std::size_t i = (static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)) * points();
+        RadiusSink sink{*this, trees, std::span(state).subspan(i, points()), i, discs, owners, sheet};
+        for_each_eye_sample(0, [&](std::uint64_t sample) { EyePaths(scene_, eye_, max_depth_).follow(x, y, sample, sink); });
       }
     }
     find_covered_radii(scene_, discs, sheet.rays);
     for (std::size_t d = 0; d < discs.size(); ++d) {
-      float& least = state[pixels[d]].covered_radius;
+      float& least = state[owners[d]].covered_radius;
       least = std::min(least, discs[d].covered_radius);
     }
   });
-  fill_missing_radii(state);
+  if (sampling_.fixed == 0) fill_missing_radii(state);
   return state;
 }
 
-void SppmIntegrator::fill_missing_radii(std::vector<ProgressivePixel>& state) const {
+void ProgressiveMapping::fill_missing_radii(std::vector<ProgressivePixel>& state) const {
   // A pixel whose first samples met no surface may meet one later: it takes the radii of the nearest pixel in its row, or else
   // of the row above or below.
   const auto width = static_cast<std::size_t>(eye_.width());
@@ -149,57 +159,72 @@ void SppmIntegrator::fill_missing_radii(std::vector<ProgressivePixel>& state) co
   for (ProgressivePixel& p : state) adopt(p, fallback);
 }
 
-/// Adds up what one eye path brings to its pixel.
-struct SppmIntegrator::RadianceSink {
-  const SppmIntegrator& integrator;
+/// Adds up what a pixel's eye paths bring to it in one sub-pass.
+struct ProgressiveMapping::RadianceSink {
+  const ProgressiveMapping& integrator;
   const Trees& trees;
-  const ProgressivePixel& state;
-  std::array<float, kFlows> radius2;
-  PixelSums& sums;
-  FeatureSums* features;  ///< none where the sub-pass is past kFeatureSubPasses
+  std::span<const ProgressivePixel> state;  ///< of the pixel's hit points
+  std::span<PixelSums> sums;                ///< likewise
+  std::span<ExtraSums> extras;              ///< likewise; empty unless biases are estimated
+  float ratio;                              ///< of squared radii to those in `state`
+  float weight;                             ///< of one eye sample
+  FeatureSums* features;                    ///< none where this eye sample does not count in them
+  PixelSequence* lights;                    ///< sample points of direct light; none: the eye path's own
   TileFigures& figures;
   Tally& tally;
-  /// Hit points of this sample so far. All of them bring flux; only the first one's photons count in M, which decides how
-  /// fast the radius shrinks: as if the path had not been split.
-  int gathers = 0;
+  /// Hit points so far. Where several share their statistics all bring flux, but only the first one's photons count in M, which
+  /// decides how fast the radius shrinks: as if the path had not been split.
+  std::size_t gathers = 0;
 
   void ray() { ++figures.rays; }
-  void escape(const EyeWalk& walk) { tally.add_direct(environment_seen(integrator.scene_, walk)); }
+  void escape(const EyeWalk& walk) { tally.add_direct(environment_seen(integrator.scene_, walk) * weight); }
   void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
-    tally.add_direct(emission_seen(integrator.scene_, point, wo, walk));
+    tally.add_direct(emission_seen(integrator.scene_, point, wo, walk) * weight);
   }
   void first_hit(const Vertex& vertex, float distance) {
     if (features != nullptr) add_features(*features, integrator.film_.scale, vertex, distance);
   }
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    tally.add_direct(walk.beta *
-                     direct_light(integrator.scene_, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
+    const float pick = lights != nullptr ? lights->next1() : u_pick;
+    const Vec2f at = lights != nullptr ? lights->next2() : u;
+    tally.add_direct(walk.beta * weight *
+                     direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow, figures.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
-    ++gathers;
-    for (const Flow flow : {kCaustic, kIndirect}) gather_flow(flow, vertex, beta, u);
+    const std::size_t point = std::min(gathers, state.size() - 1);
+    const bool steers = gathers++ == point;
+    for (const Flow flow : {kCaustic, kIndirect}) gather_flow(flow, point, steers, vertex, beta * weight, u);
   }
-  void gather_flow(Flow flow, const Vertex& vertex, const Rgb& beta, const Vec2f& u) {
-    const DiscQuery query = query_at(vertex, radius2[flow]);
+  void gather_flow(Flow flow, std::size_t point, bool steers, const Vertex& vertex, const Rgb& beta, const Vec2f& u) {
+    const DiscQuery query = query_at(vertex, state[point][flow].radius2 * ratio);
     std::uint32_t count = 0;
-    Rgb flux = reflected_flux(trees[flow], query, vertex, count);
+    float moment = 0.0f;
+    const bool with_bias = integrator.film_.extra == Extra::kBias;
+    Rgb flux = with_bias ? reflected_by_each(trees[flow], query, vertex, beta, count, &moment)
+                         : reflected_flux(trees[flow], query, vertex, count);
     if (count == 0) return;
-    if (gathers == 1) sums.photons[flow] += count;
+    if (steers) sums[point].photons[flow] += count;
     flux *= beta;
-    if (query.radius2 > state.covered_radius * state.covered_radius) {
-      flux /= measure_coverage(integrator.scene_, vertex.point, query, u, figures.rays).fraction;
+    if (query.radius2 > state[point].covered_radius * state[point].covered_radius) {
+      const float fraction = measure_coverage(integrator.scene_, vertex.point, query, u, figures.rays).fraction;
+      flux /= fraction;
+      moment /= fraction;
     }
-    if (!is_finite(flux)) {
+    if (!is_finite(flux) || !std::isfinite(moment)) {
       ++figures.faults.not_finite;
       return;
     }
-    if (integrator.film_.estimator == Estimator::kIndependent) flux /= kPi * radius2[flow];
-    if (!add_quantised(sums.flow[flow], flux, integrator.film_.scale.flow)) ++figures.faults.overflow;
+    if (integrator.film_.estimator == Estimator::kIndependent) {
+      flux /= kPi * query.radius2;
+      moment /= kPi * query.radius2;
+    }
+    bool exact = add_quantised(sums[point].flow[flow], flux, integrator.film_.scale.flow);
+    if (with_bias) exact = add_quantised(extras[point].rgb[flow], moment, integrator.film_.scale.flow) && exact;
+    if (!exact) ++figures.faults.overflow;
   }
   /// Sum of f * photon flux [W sr^-1] over the disc.
   [[nodiscard]] Rgb reflected_flux(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex,
                                    std::uint32_t& count) const {
-    const auto unit = static_cast<float>(integrator.tracer_.flux_unit());
     if (vertex.bsdf.gather_is_lambert()) {
       const FluxSum sum = tree.sum_flux(query);
       count = sum.count;
@@ -208,19 +233,34 @@ struct SppmIntegrator::RadianceSink {
                                            static_cast<float>(static_cast<double>(sum.steps[1]) * step),
                                            static_cast<float>(static_cast<double>(sum.steps[2]) * step)};
     }
+    return reflected_by_each(tree, query, vertex, {0.0f, 0.0f, 0.0f}, count, nullptr);
+  }
+  /// The same photon by photon. `moment`: what the disc's bias is estimated from. With a flux density p + c d^2 around the middle,
+  /// photons at distance d sum up to pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the
+  /// Laplacian of [Hachisuka, Jarosz and Jensen 2010, 4.2], by a quadratic kernel over the same disc.
+  [[nodiscard]] Rgb reflected_by_each(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex, const Rgb& beta,
+                                      std::uint32_t& count, float* moment) const {
     thread_local std::vector<std::uint32_t> indices;
     indices.clear();
     tree.collect(query, indices);
     count = static_cast<std::uint32_t>(indices.size());
+    const auto unit = static_cast<float>(integrator.tracer_.flux_unit());
     Rgb sum{0.0f, 0.0f, 0.0f};
     for (const std::uint32_t i : indices) {
-      sum += vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather) * tree.flux(i);
+      const Rgb f = vertex.bsdf.gather_is_lambert()
+                        ? vertex.bsdf.lambert_f()
+                        : vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather);
+      const Rgb reflected = f * tree.flux(i);
+      sum += reflected;
+      if (moment == nullptr) continue;
+      const Vec3f offset = tree.position(i) - query.position;
+      *moment += luminance(beta * reflected) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f) * unit;
     }
     return sum * unit;
   }
 };
 
-void SppmIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
+void ProgressiveMapping::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
   for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
     PhotonBatch batch = tracer_.trace(s);
     sums.photon_paths += tracer_.options().paths;
@@ -231,15 +271,19 @@ void SppmIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixe
     const EyePaths eye_paths(scene_, eye_, max_depth_);
     const double ratio =
         film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(s, film_.alpha) : 1.0;
+    const float weight = sampling_.fixed > 0 ? 1.0f / static_cast<float>(sampling_.fixed) : 1.0f;
     for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {
-      const std::size_t i =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x);
+      const std::size_t i = points() * (static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x));
       Tally tally(sums.pixels[i], nullptr, film_.scale, figures.faults);
-      RadianceSink sink{*this, trees, state[i],
-                        {static_cast<float>(state[i][kCaustic].radius2 * ratio),
-                         static_cast<float>(state[i][kIndirect].radius2 * ratio)},
-                        sums.pixels[i], s < kFeatureSubPasses ? &sums.features[i] : nullptr, figures, tally};
-      eye_paths.follow(x, y, s, sink);
+      PixelSequence lights = eye_.light_sequence(x, y, s);
+      RadianceSink sink{*this, trees, std::span(state).subspan(i, points()), std::span(sums.pixels).subspan(i, points()),
+                        sums.extras.empty() ? std::span<ExtraSums>() : std::span(sums.extras).subspan(i, points()),
+                        static_cast<float>(ratio), weight, nullptr, sampling_.fixed > 0 ? &lights : nullptr, figures, tally};
+      for_each_eye_sample(s, [&](std::uint64_t sample) {
+        const bool counts = s < kFeatureSubPasses && (sampling_.fixed == 0 || sample == s % sampling_.fixed);
+        sink.features = counts ? &sums.features[i] : nullptr;
+        eye_paths.follow(x, y, sample, sink);
+      });
       tally.commit();
     });
     ++sums.sub_passes;
