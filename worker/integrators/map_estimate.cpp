@@ -67,7 +67,10 @@ float MapEstimate::choose_max_distance(const Scene& scene) const {
 }
 
 const NearestPhotons& MapEstimate::find(const Vec3f& position, const Vec3f& normal, bool both_sides) const {
-  thread_local NearestPhotons found;  // allocated once a thread
+  // Allocated once a thread; maps that take turns do not start from each other's radii.
+  constexpr std::size_t kMaps = 4;
+  thread_local std::array<NearestPhotons, kMaps> answers;
+  NearestPhotons& found = answers[reinterpret_cast<std::uintptr_t>(this) / sizeof(MapEstimate) % kMaps];
   map_.nearest({position, normal, max_distance_ * max_distance_, options_.nearest, both_sides}, found);
   return found;
 }

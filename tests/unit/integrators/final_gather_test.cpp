@@ -1,0 +1,146 @@
+#include "worker/integrators/final_gather.h"
+
+#include <cmath>
+#include <tuple>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include "tests/support/render.h"
+#include "tests/support/scenes.h"
+
+namespace pf::test {
+namespace {
+
+JobSpec gather_job(int width, int height, double error) {
+  JobSpec spec = job(width, height, IntegratorType::kFinalGather, 30000);
+  spec.photon_map.caustic_photons = 10000;
+  spec.photon_map.nearest = 60;
+  spec.final_gather.rays = 64;
+  spec.final_gather.error = error;
+  return spec;
+}
+
+/// Marks per pixel and rays of a picture of one sample a pixel.
+std::pair<std::vector<std::int64_t>, std::uint64_t> marks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes = 1) {
+  const Film film = render(scene, spec, passes);
+  std::vector<std::int64_t> marks;
+  for (const ExtraSums& extra : film.sums().extras) marks.push_back(extra.marks);
+  return {marks, film.sums().rays};
+}
+
+std::int64_t marks_within(const std::vector<std::int64_t>& marks, int width, int x0, int y0, int x1, int y1) {
+  std::int64_t sum = 0;
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x) sum += marks[static_cast<std::size_t>(y * width + x)];
+  }
+  return sum;
+}
+
+/// Straight into a box's corner edge: the vertical edge between two walls is the picture's middle column.
+std::unique_ptr<const Scene> corner_scene() {
+  SceneMaker maker;
+  maker.box({-1, -1, -1}, {1, 1, 1}, maker.lambert({0.6f, 0.6f, 0.6f}), true);
+  maker.point_light({0.5f, 0.4f, 0.5f}, 3.0f);
+  maker.camera({0.6f, 0, 0.6f}, {-1, 0, -1}, 0.6f);
+  return maker.build();
+}
+
+TEST(GatherPoints, LieSparselyOnFlatWallsAndDenselyInCorners) {
+  const auto scene = corner_scene();
+  const auto [marks, rays] = marks_of(*scene, gather_job(128, 64, 0.15));
+  const auto flat = marks_within(marks, 128, 0, 0, 32, 64) + marks_within(marks, 128, 96, 0, 128, 64);
+  const auto corner = marks_within(marks, 128, 48, 0, 80, 64);
+  EXPECT_GT(flat, 0);
+  EXPECT_GT(static_cast<double>(corner) / 32, 3.0 * static_cast<double>(flat) / 64) << corner << ' ' << flat;
+  EXPECT_LT(flat, 64 * 64 / 8);
+}
+
+TEST(GatherPoints, GrowInNumberAsTheErrorBoundFalls) {
+  const auto scene = corner_scene();
+  std::int64_t last = 0;
+  for (const double error : {0.4, 0.2, 0.1}) {
+    const auto [marks, rays] = marks_of(*scene, gather_job(64, 32, error));
+    const std::int64_t count = marks_within(marks, 64, 0, 0, 64, 32);
+    EXPECT_GT(count, last) << error;
+    last = count;
+  }
+}
+
+TEST(FinalGather, InterpolationSavesRaysAtAboutEqualError) {
+  const auto scene = diffuse_box().build();
+  JobSpec spec = gather_job(64, 64, 0.0);
+  spec.integrator.photons = 100000;
+  spec.final_gather.rays = 1024;
+  const std::vector<Rgb> reference = layer_of(render(*scene, spec, 2), "indirect");
+  const auto error_of = [&](const JobSpec& chosen) {
+    const std::vector<Rgb> image = layer_of(render(*scene, chosen, 4), "indirect");
+    double sum = 0.0;
+    for (std::size_t i = 0; i < image.size(); ++i) {
+      const double d = static_cast<double>(luminance(image[i] - reference[i])), r = static_cast<double>(luminance(reference[i]));
+      sum += d * d / (r * r + 0.01);
+    }
+    return sum / static_cast<double>(image.size());
+  };
+  spec.integrator.seed = 2;
+  spec.final_gather.rays = 64;
+  const double every_sample = error_of(spec);
+  const std::uint64_t every_sample_rays = marks_of(*scene, spec, 4).second;
+  spec.final_gather.rays = 256;
+  spec.final_gather.error = 0.15;
+  const double interpolated = error_of(spec);
+  const std::uint64_t interpolated_rays = marks_of(*scene, spec, 4).second;
+  RecordProperty("every_sample_relMSE", std::to_string(every_sample));
+  RecordProperty("interpolated_relMSE", std::to_string(interpolated));
+  EXPECT_LT(interpolated, 1.25 * every_sample);
+  EXPECT_LT(interpolated_rays * 2, every_sample_rays) << interpolated << ' ' << every_sample;
+}
+
+TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
+  const auto scene = peer_box(16).build();
+  for (const double error : {0.0, 0.2}) {
+    JobSpec spec = gather_job(40, 24, error);
+    spec.final_gather.rays = 24;
+    std::vector<PixelSums> first;
+    std::vector<ExtraSums> first_extras;
+    for (const int threads : {1, 2, 5}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+      tbb::task_arena arena(threads);
+      arena.execute([&] {
+        const auto integrator = make_integrator(*scene, spec);
+        const FilmOptions options = integrator->film_options();
+        Statistics sums(options.width, options.height, true, true);
+        const std::uint64_t units = PassOrder(options).sub_passes(2);
+        // Backwards with five threads.
+        for (std::uint64_t u = 0; u < units; ++u) integrator->run({threads == 5 ? units - 1 - u : u, 1}, {}, sums);
+        EXPECT_EQ(sums.faults.not_finite + sums.faults.overflow, 0u);
+        if (first.empty()) {
+          first = sums.pixels;
+          first_extras = sums.extras;
+        }
+        EXPECT_TRUE(first == sums.pixels) << threads;
+        EXPECT_TRUE(first_extras == sums.extras) << threads;
+      });
+    }
+  }
+}
+
+TEST(PhotonMapIntegrator, GivesTheSameBitsOnAnyNumberOfThreads) {
+  const auto scene = peer_box(16).build();
+  JobSpec spec = gather_job(40, 24, 0.0);
+  spec.integrator.type = IntegratorType::kPhotonMap;
+  std::vector<PixelSums> first;
+  for (const int threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    arena.execute([&] {
+      const Film film = render(*scene, spec, 2);
+      if (first.empty()) first = film.sums().pixels;
+      EXPECT_TRUE(first == film.sums().pixels) << threads;
+    });
+  }
+}
+
+}  // namespace
+}  // namespace pf::test
