@@ -11,7 +11,7 @@ namespace {
 
 /// Photons that a kernel holds: few for caustics, whose edges are what one looks at, more where light is smooth.
 constexpr float kCausticPhotons = 16.0f;
-constexpr float kIndirectPhotons = 64.0f;
+constexpr float kIndirectPhotons = 32.0f;
 /// No kernel is wider than this part of the scene's radius, nor narrower than this part of a pixel's footprint.
 constexpr float kWidestShare = 0.05f;
 constexpr float kLeastFootprints = 0.75f;

@@ -74,7 +74,7 @@ class PhotonRays {
 
 /// How wide kernels are.
 struct KernelRule {
-  float photons = 64;        ///< that one kernel holds where all paths are like its own
+  float photons = 32;        ///< that one kernel holds where all paths are like its own
   float widest = 0;          ///< bound of its radius [m]
   bool ellipse = true;       ///< false: a circle of the same mean squared axes
   float smoothing = 1;       ///< multiplies the width, but not `widest`

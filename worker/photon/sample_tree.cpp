@@ -9,7 +9,8 @@
 namespace pf {
 namespace {
 
-constexpr std::size_t kLeafSamples = 8;
+/// Leaves hold up to one sample more than this where the number is no multiple.
+constexpr std::size_t kLeafSamples = SampleBlock::kWidth - 1;
 constexpr int kBranchDepth = 8;
 /// Samples below which a subtree is built by one thread.
 constexpr std::size_t kParallelSamples = 8192;
@@ -42,6 +43,26 @@ SampleTree::SampleTree(std::vector<SplatSample> samples) : samples_(std::move(sa
   for (const SplatSample& s : samples_) box.extendBy(s.position);
   normal_scale_ = kNormalShare * length(box.size());
   build(0, 0, 0);
+  fill_blocks();
+}
+
+void SampleTree::fill_blocks() {
+  blocks_.resize(std::size_t{1} << leaf_depth_);
+  parallel_ranges(blocks_.size(), 256, [&](std::size_t first, std::size_t last) {
+    for (std::size_t place = first; place < last; ++place) {
+      SampleBlock& block = blocks_[place];
+      for (auto* field : {&block.x, &block.y, &block.z}) field->fill(kInfinity);
+      block.least_radius.fill(0.0f);
+      const std::size_t begin = begin_of(place, leaf_depth_);
+      for (std::size_t i = begin; i < begin_of(place + 1, leaf_depth_); ++i) {
+        const SplatSample& s = samples_[i];
+        block.x[i - begin] = s.position.x;
+        block.y[i - begin] = s.position.y;
+        block.z[i - begin] = s.position.z;
+        block.least_radius[i - begin] = s.least_radius;
+      }
+    }
+  });
 }
 
 void SampleTree::build(std::size_t node, int depth, std::size_t place) {

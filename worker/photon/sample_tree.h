@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -39,7 +40,9 @@ class SampleTree {
   void for_each_in_branch(std::size_t branch, const RayKernel& ray, Visit&& visit) const {
     descend(first_of(branch_depth_) + branch, branch_depth_, leaf_depth_, ray, [&](std::size_t leaf) {
       const std::size_t place = leaf - first_of(leaf_depth_);
-      for (std::size_t i = begin_of(place, leaf_depth_); i < begin_of(place + 1, leaf_depth_); ++i) {
+      const std::size_t begin = begin_of(place, leaf_depth_);
+      for (std::uint32_t near = ray.near(blocks_[place]); near != 0; near &= near - 1) {
+        const std::size_t i = begin + static_cast<std::size_t>(std::countr_zero(near));
         if (const auto meeting = ray.meet(samples_[i])) visit(i, *meeting);
       }
     });
@@ -65,6 +68,7 @@ class SampleTree {
 
   [[nodiscard]] static std::size_t first_of(int depth) { return (std::size_t{1} << depth) - 1; }
   [[nodiscard]] std::size_t begin_of(std::size_t place, int depth) const { return samples_.size() * place >> depth; }
+  void fill_blocks();
   void build(std::size_t node, int depth, std::size_t place);
   void bound(Node& node, std::span<const SplatSample> samples) const;
   /// Whether the ray may meet a sample of the node: never false where it does.
@@ -107,6 +111,7 @@ class SampleTree {
   }
 
   std::vector<SplatSample> samples_;
+  std::vector<SampleBlock> blocks_;  ///< of the leaves, in order
   std::vector<Node> nodes_;
   int leaf_depth_ = 0;
   int branch_depth_ = 0;
