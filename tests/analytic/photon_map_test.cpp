@@ -31,11 +31,11 @@ std::unique_ptr<const Scene> furnace(float rho) {
 TEST(PhotonMapFurnace, IsUniformInEveryPixelWithEveryFilter) {
   const auto scene = furnace(0.5f);
   for (const PhotonFilter filter : {PhotonFilter::kDisc, PhotonFilter::kCone, PhotonFilter::kGaussian}) {
-    JobSpec spec = map_job(12, 12, 40000, 60);
+    JobSpec spec = map_job(12, 12, 20000, 60);
     spec.photon_map.filter = filter;
     // Inverse of a measured part of the disc (Furnace in furnace_test.cpp); weights that fall off know where the edge is.
     const double edge = filter == PhotonFilter::kDisc ? 0.02 : 0.04;
-    const Renders renders(*scene, spec, 4, 8);
+    const Renders renders(*scene, spec, 2, 6);
     EXPECT_TRUE(agrees(renders.mean(), 2.0, edge)) << static_cast<int>(filter);
     EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 2 * edge)) << static_cast<int>(filter);
   }
@@ -71,19 +71,19 @@ TEST(PhotonMapAnalytic, APointLightInASphereIsHalfDirectHalfIndirect) {
   maker.point_light({0, 0, 0}, kPi);
   maker.camera({0.2f, 0, 0.3f}, {-1, 0.3f, -0.4f}, 1.2f);
   const auto scene = maker.build();
-  const JobSpec spec = map_job(8, 8, 40000, 60);
+  const JobSpec spec = map_job(8, 8, 20000, 60);
   constexpr double kCurved = 0.02;  // discs are flat, the wall is not
-  EXPECT_TRUE(agrees(Renders(*scene, spec, 2, 6, "direct").mean(), 0.5, 0.002));
+  EXPECT_TRUE(agrees(Renders(*scene, spec, 2, 4, "direct").mean(), 0.5, 0.002));
   EXPECT_TRUE(agrees(Renders(*scene, spec, 2, 6, "indirect").mean(), 0.5, kCurved * 0.5));
   EXPECT_TRUE(all_agree(Renders(*scene, spec, 2, 6).pixels(), std::vector<double>(64, 1.0), 2 * kCurved));
 }
 
 TEST(PhotonMapAgreement, WithPathTracingOfTheDiffuseBox) {
   const auto scene = diffuse_box().build();
-  JobSpec spec = map_job(24, 24, 150000, 60);
-  const Renders renders(*scene, spec, 4, 6);
+  JobSpec spec = map_job(24, 24, 60000, 40);
+  const Renders renders(*scene, spec, 4, 5);
   spec.integrator.type = IntegratorType::kPath;
-  const Renders reference(*scene, spec, 48, 6);
+  const Renders reference(*scene, spec, 48, 5);
   EXPECT_TRUE(all_agree(std::array{renders.mean()}, std::array{reference.mean()}, 0.01));
   EXPECT_TRUE(all_agree(renders.blocks(6, 6), reference.blocks(6, 6), 0.03, 0.01));
 }
@@ -96,11 +96,11 @@ TEST(PhotonMapAgreement, OfCausticsAndSpecularLayersWithPathTracing) {
   maker.sphere({0.45f, -0.6f, -0.1f}, 0.38f, maker.metal({0.9f, 0.8f, 0.6f}, 0.2f), 32);
   maker.camera({0, 0, 0.95f}, {0, -0.1f, 0}, 1.1f);
   const auto scene = maker.build();
-  JobSpec spec = map_job(20, 20, 150000, 60);
+  JobSpec spec = map_job(20, 20, 60000, 40);
   spec.integrator.max_depth = 32;
-  const Renders renders(*scene, spec, 8, 6);
+  const Renders renders(*scene, spec, 6, 5);
   spec.integrator.type = IntegratorType::kPath;
-  const Renders reference(*scene, spec, 96, 6);
+  const Renders reference(*scene, spec, 64, 5);
   EXPECT_TRUE(all_agree(std::array{renders.mean()}, std::array{reference.mean()}, 0.015));
   EXPECT_TRUE(all_agree(renders.blocks(5, 5), reference.blocks(5, 5), 0.05, 0.02));
 }

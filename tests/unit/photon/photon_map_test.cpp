@@ -200,7 +200,7 @@ TEST(PhotonMapRecord, TheMeanOfEqualFluxesIsExact) {
 
 // Loftsgaarden and Quesenberry's k - 1, and the bound on the distance, leave the density without bias.
 TEST(PhotonMap, DensityOfUniformPhotonsIsUnbiased) {
-  constexpr int kPhotons = 4000;
+  constexpr int kPhotons = 500;
   for (const float expected_within : {4.0f, 20.0f, 200.0f}) {
     std::vector<double> densities;
     NearestPhotons found;
