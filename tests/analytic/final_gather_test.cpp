@@ -36,7 +36,8 @@ TEST(FinalGatherFurnace, IsUniformInEveryPixel) {
     spec.final_gather.precompute = choice.precompute;
     const Renders renders(*scene, spec, choice.precompute ? 4 : 1, 5);
     EXPECT_TRUE(agrees(renders.mean(), 2.0, 0.03)) << choice.precompute << choice.error;
-    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 0.05)) << choice.precompute << choice.error;
+    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 0.05))
+        << choice.precompute << choice.error;
   }
 }
 
@@ -80,7 +81,8 @@ TEST(FinalGatherAgreement, ImportanceLeavesTheMeanAndInterpolationTheImage) {
     const Renders renders(*scene, spec, 2, 5);
     EXPECT_TRUE(all_agree(std::array{renders.mean()}, std::array{reference.mean()}, 0.01))
         << choice.importance << ' ' << choice.error;
-    EXPECT_TRUE(all_agree(renders.blocks(5, 5), reference.blocks(5, 5), 0.02, 0.005)) << choice.importance << ' ' << choice.error;
+    EXPECT_TRUE(all_agree(renders.blocks(5, 5), reference.blocks(5, 5), 0.02, 0.005))
+        << choice.importance << ' ' << choice.error;
   }
 }
 

@@ -33,11 +33,13 @@ TEST(PhotonMapFurnace, IsUniformInEveryPixelWithEveryFilter) {
   for (const PhotonFilter filter : {PhotonFilter::kDisc, PhotonFilter::kCone, PhotonFilter::kGaussian}) {
     JobSpec spec = map_job(12, 12, 20000, 60);
     spec.photon_map.filter = filter;
-    // Inverse of a measured part of the disc (Furnace in furnace_test.cpp); weights that fall off know where the edge is.
+    // Inverse of a measured part of the disc (Furnace in furnace_test.cpp); weights that fall off know where
+    // the edge is.
     const double edge = filter == PhotonFilter::kDisc ? 0.02 : 0.04;
     const Renders renders(*scene, spec, 2, 6);
     EXPECT_TRUE(agrees(renders.mean(), 2.0, edge)) << static_cast<int>(filter);
-    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 2 * edge)) << static_cast<int>(filter);
+    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 2 * edge))
+        << static_cast<int>(filter);
   }
 }
 
@@ -105,7 +107,8 @@ TEST(PhotonMapAgreement, OfCausticsAndSpecularLayersWithPathTracing) {
   EXPECT_TRUE(all_agree(renders.blocks(5, 5), reference.blocks(5, 5), 0.05, 0.02));
 }
 
-// The squared blur of an estimate falls with the area of its disc, k / N: the edge of a shadow in the shown map.
+// The squared blur of an estimate falls with the area of its disc, k / N: the edge of a shadow in the shown
+// map.
 TEST(PhotonMapBias, FallsAsPhotonsGrow) {
   SceneMaker maker;
   maker.quad({-2, 0, -2}, {0, 0, 4}, {4, 0, 0}, maker.lambert({1, 1, 1}));
@@ -123,7 +126,8 @@ TEST(PhotonMapBias, FallsAsPhotonsGrow) {
     for (std::size_t x = 0; x < 64; ++x) error[i] += std::abs(blocks[x].mean - (x < 32 ? 0.0 : 1.0)) / 64.0;
   }
   // Four times the photons: half the radius, and half the width of the blurred edge.
-  for (std::size_t i = 1; i < error.size(); ++i) EXPECT_NEAR(error[i - 1] / error[i], 2.0, 0.6) << error[i - 1] << ' ' << error[i];
+  for (std::size_t i = 1; i < error.size(); ++i)
+    EXPECT_NEAR(error[i - 1] / error[i], 2.0, 0.6) << error[i - 1] << ' ' << error[i];
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // The photon map's queries, building and bytes. Run: pf_photon_map_bench.
 //
-// Photons lie on a floor, as dense everywhere: what the 50 nearest cost then depends on the tree alone. Queries come as an
-// image asks them, neighbours one after the other, and in no order.
+// Photons lie on a floor, as dense everywhere: what the 50 nearest cost then depends on the tree alone.
+// Queries come as an image asks them, neighbours one after the other, and in no order.
 
 #include <vector>
 
@@ -45,8 +45,9 @@ std::vector<Vec3f> query_points(bool coherent) {
   for (int y = 0; y < 500; ++y) {
     for (int x = 0; x < 1000; ++x) {
       const Vec2f p = rng.next2();
-      points.push_back(coherent ? Vec3f{(static_cast<float>(x) + 0.5f) * 1e-3f, 0, (static_cast<float>(y) + 0.5f) * 2e-3f}
-                                : Vec3f{p.x, 0, p.y});
+      points.push_back(
+          coherent ? Vec3f{(static_cast<float>(x) + 0.5f) * 1e-3f, 0, (static_cast<float>(y) + 0.5f) * 2e-3f}
+                   : Vec3f{p.x, 0, p.y});
     }
   }
   return points;
@@ -71,7 +72,12 @@ void estimate_irradiance(benchmark::State& state) {
   state.counters["Mestimates/s"] = 1e-6 * estimates / (thread_seconds() - start);
   state.counters["mean/expected"] = static_cast<double>(sum.x) / (estimates * kPhotons);
 }
-BENCHMARK(estimate_irradiance)->ArgNames({"in_order", "filter"})->Args({1, 0})->Args({1, 1})->Args({1, 2})->Args({0, 0})
+BENCHMARK(estimate_irradiance)
+    ->ArgNames({"in_order", "filter"})
+    ->Args({1, 0})
+    ->Args({1, 1})
+    ->Args({1, 2})
+    ->Args({0, 0})
     ->Unit(benchmark::kMillisecond);
 
 void find_nearest_one(benchmark::State& state) {
@@ -83,14 +89,15 @@ void find_nearest_one(benchmark::State& state) {
     for (const Vec3f& point : points) sum += map.nearest_one({point, {0, 1, 0}, 1e-2f, 1, false});
   }
   benchmark::DoNotOptimize(sum);
-  state.counters["Mqueries/s"] =
-      1e-6 * static_cast<double>(points.size()) * static_cast<double>(state.iterations()) / (thread_seconds() - start);
+  state.counters["Mqueries/s"] = 1e-6 * static_cast<double>(points.size()) *
+                                 static_cast<double>(state.iterations()) / (thread_seconds() - start);
 }
 BENCHMARK(find_nearest_one)->ArgNames({"in_order"})->Arg(1)->Arg(0)->Unit(benchmark::kMillisecond);
 
 /// Building, by this many threads; photons as a scene has them.
 void build_map(benchmark::State& state) {
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(state.range(0)));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(state.range(0)));
   const auto scene = test::peer_box(16).build();
   const PhotonTracer tracer(*scene, {1, 500000, 0});
   PhotonBatch batch = tracer.trace(0);
@@ -104,8 +111,8 @@ void build_map(benchmark::State& state) {
   const double millions = 1e-6 * static_cast<double>(flows[0]->size());
   state.counters["Mphotons"] = millions;
   state.counters["MB/Mphotons"] = 1e-6 * static_cast<double>(bytes) / millions;
-  state.counters["s/Mphotons"] = benchmark::Counter(millions, benchmark::Counter::kIsIterationInvariantRate |
-                                                                  benchmark::Counter::kInvert);
+  state.counters["s/Mphotons"] = benchmark::Counter(
+      millions, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 BENCHMARK(build_map)->ArgNames({"threads"})->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
 

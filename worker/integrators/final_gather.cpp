@@ -5,7 +5,8 @@
 namespace pf {
 namespace {
 
-/// Rays of a sample that interpolates nothing, as a part of those of a gather point: many samples share a pixel.
+/// Rays of a sample that interpolates nothing, as a part of those of a gather point: many samples share a
+/// pixel.
 constexpr int kSampleShare = 8, kFewestRays = 16;
 /// Of a sample on a rough lobe.
 constexpr int kLobeShare = 16;
@@ -38,21 +39,24 @@ void FinalGatherIntegrator::prepare(const ImagePart& part) const {
 struct FinalGatherIntegrator::Gather {
   const FinalGatherIntegrator& integrator;
   const PixelTarget& target;
-  std::uint32_t gathers = 0;   ///< of this sample so far
+  std::uint32_t gathers = 0;  ///< of this sample so far
 
   template <typename Layers>
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk, const Layers& to) {
     if (!integrator.caustics_.empty()) {
       const float covered = integrator.covered_.at(target.x, target.y);
-      to.add_flow(kCaustic, beta * integrator.caustics_.radiance(integrator.scene_, vertex, Portion::kGather, covered, u,
-                                                                  target.figures));
+      to.add_flow(kCaustic, beta * integrator.caustics_.radiance(integrator.scene_, vertex, Portion::kGather,
+                                                                 covered, u, target.figures));
     }
-    // Every gather of every sample has random numbers of its own: the image's points use small numbers for the sub-pass.
+    // Every gather of every sample has random numbers of its own: the image's points use small numbers for
+    // the sub-pass.
     constexpr std::uint64_t kSamples = std::uint64_t{1} << 24;
-    const auto pixel = static_cast<std::uint32_t>(target.y) * static_cast<std::uint32_t>(integrator.eye_.width()) +
-                       static_cast<std::uint32_t>(target.x);
+    const auto pixel =
+        static_cast<std::uint32_t>(target.y) * static_cast<std::uint32_t>(integrator.eye_.width()) +
+        static_cast<std::uint32_t>(target.x);
     PathRng rng(integrator.seed_, Stream::kIrradiance, kSamples + target.sample * 256 + gathers++, pixel);
-    to.add_flow(kIndirect, beta * (vertex.bsdf.gather_is_lambert() ? lambert(vertex, walk, rng) : lobe(vertex, walk, rng)));
+    to.add_flow(kIndirect, beta * (vertex.bsdf.gather_is_lambert() ? lambert(vertex, walk, rng)
+                                                                   : lobe(vertex, walk, rng)));
   }
 
   Rgb lambert(const Vertex& vertex, const EyeWalk& walk, PathRng& rng) const {
@@ -72,8 +76,8 @@ struct FinalGatherIntegrator::Gather {
     Rgb sum{0.0f, 0.0f, 0.0f};
     for (int i = 0; i < rays; ++i) {
       const float u_lobe = (static_cast<float>(i) + rng.next1()) / static_cast<float>(rays);
-      const auto next = vertex.bsdf.sample(vertex.wo, std::min(u_lobe, kOneMinusEpsilon), rng.next2(), Transport::kRadiance,
-                                           Portion::kGather);
+      const auto next = vertex.bsdf.sample(vertex.wo, std::min(u_lobe, kOneMinusEpsilon), rng.next2(),
+                                           Transport::kRadiance, Portion::kGather);
       if (!next) continue;
       MediumStack media = walk.media;
       if (next->refracted) media.cross(vertex.point.material, vertex.entering());

@@ -19,11 +19,12 @@ Vec3f direction_of(const Vec2f& u) {
 }
 Vec2f numbers_of(const Vec3f& d) {
   const float turn = std::atan2(d.y, d.x) * (0.5f * kInvPi);
-  return {std::min(d.x * d.x + d.y * d.y, kOneMinusEpsilon), std::clamp(turn < 0.0f ? turn + 1.0f : turn, 0.0f, kOneMinusEpsilon)};
+  return {std::min(d.x * d.x + d.y * d.y, kOneMinusEpsilon),
+          std::clamp(turn < 0.0f ? turn + 1.0f : turn, 0.0f, kOneMinusEpsilon)};
 }
 
-/// Bound of the relative change of irradiance between a gather point and another at this distance, whose normal is tilted
-/// [Ward, Rubinstein and Clear 1988, (2)].
+/// Bound of the relative change of irradiance between a gather point and another at this distance, whose
+/// normal is tilted [Ward, Rubinstein and Clear 1988, (2)].
 float change_bound(const GatherPoint& point, float distance, float cosine) {
   return 4.0f * kInvPi * distance / point.distance + std::sqrt(std::max(0.0f, 2.0f - 2.0f * cosine));
 }
@@ -37,7 +38,9 @@ struct HemisphereGather::Histogram {
     return static_cast<std::size_t>(u.x * kRows) * kColumns + static_cast<std::size_t>(u.y * kColumns);
   }
   /// Density relative to the cosine-weighted hemisphere's.
-  [[nodiscard]] float relative_density(const Vec2f& u) const { return share[cell(u)] * static_cast<float>(kCells); }
+  [[nodiscard]] float relative_density(const Vec2f& u) const {
+    return share[cell(u)] * static_cast<float>(kCells);
+  }
 };
 
 HemisphereGather::HemisphereGather(const MapGather& gather, const JobSpec& spec)
@@ -77,7 +80,8 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
   point.ns = vertex.bsdf.ns();
   point.ng = vertex.bsdf.ng();
   Histogram histogram;
-  const int chosen = fill(vertex, histogram) ? static_cast<int>(std::lrint(importance_ * static_cast<float>(rays))) : 0;
+  const int chosen =
+      fill(vertex, histogram) ? static_cast<int>(std::lrint(importance_ * static_cast<float>(rays))) : 0;
   const int rows = std::max(1, static_cast<int>(std::sqrt(0.5f * static_cast<float>(rays - chosen))));
   const int columns = (rays - chosen) / rows;
   const int even = rows * columns, total = even + chosen;
@@ -90,7 +94,8 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
     const auto arrival = gather_.arriving({offset_past(vertex.point, d), d}, media, rng, figures);
     inverse_distance += arrival.distance > 0.0f ? 1.0 / static_cast<double>(arrival.distance) : 0.0;
     // L cos / (n_even cos / pi + n_chosen cos / pi * g): the balance heuristic.
-    const float density = static_cast<float>(even) + static_cast<float>(chosen) * (chosen > 0 ? histogram.relative_density(u) : 0.0f);
+    const float density = static_cast<float>(even) +
+                          static_cast<float>(chosen) * (chosen > 0 ? histogram.relative_density(u) : 0.0f);
     const Rgb value = arrival.radiance * (kPi / density);
     point.irradiance += value;
     const double l = static_cast<double>(luminance(value));
@@ -101,12 +106,13 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
     for (int column = 0; column < columns; ++column) {
       const Vec2f jitter = rng.next2();
       shoot({std::min((static_cast<float>(row) + jitter.x) / static_cast<float>(rows), kOneMinusEpsilon),
-             std::min((static_cast<float>(column) + jitter.y) / static_cast<float>(columns), kOneMinusEpsilon)});
+             std::min((static_cast<float>(column) + jitter.y) / static_cast<float>(columns),
+                      kOneMinusEpsilon)});
     }
   }
   for (int i = 0; i < chosen; ++i) {
-    const auto pick = histogram.cells.sample(std::min((static_cast<float>(i) + rng.next1()) / static_cast<float>(chosen),
-                                                      kOneMinusEpsilon));
+    const auto pick = histogram.cells.sample(
+        std::min((static_cast<float>(i) + rng.next1()) / static_cast<float>(chosen), kOneMinusEpsilon));
     const Vec2f jitter = rng.next2();
     shoot({std::min((static_cast<float>(pick->index / kColumns) + jitter.x) / kRows, kOneMinusEpsilon),
            std::min((static_cast<float>(pick->index % kColumns) + jitter.y) / kColumns, kOneMinusEpsilon)});
@@ -117,7 +123,8 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
   return point;
 }
 
-GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereGather& gather, const JobSpec& spec)
+GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereGather& gather,
+                           const JobSpec& spec)
     : scene_(scene),
       eye_(eye),
       gather_(gather),
@@ -126,10 +133,12 @@ GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereG
       seed_(spec.integrator.seed),
       edge_(PassOrder::edge_for(spec.image.width, spec.image.height)),
       columns_((spec.image.width + edge_ - 1) / edge_),
-      parts_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>((spec.image.height + edge_ - 1) / edge_)) {}
+      parts_(static_cast<std::size_t>(columns_) *
+             static_cast<std::size_t>((spec.image.height + edge_ - 1) / edge_)) {}
 
 const GatherPoints::Part& GatherPoints::part_of(int x, int y) const {
-  return parts_[static_cast<std::size_t>(y / edge_) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(x / edge_)];
+  return parts_[static_cast<std::size_t>(y / edge_) * static_cast<std::size_t>(columns_) +
+                static_cast<std::size_t>(x / edge_)];
 }
 
 GatherPoint GatherPoints::make_point(int x, int y, TileFigures& figures) const {
@@ -166,8 +175,8 @@ void GatherPoints::make_points(Part& part, const std::vector<std::pair<int, int>
 }
 
 bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const {
-  const std::array<const GatherPoint*, 4> corners{&part.at(x, y), &part.at(x + edge, y), &part.at(x, y + edge),
-                                                  &part.at(x + edge, y + edge)};
+  const std::array<const GatherPoint*, 4> corners{&part.at(x, y), &part.at(x + edge, y),
+                                                  &part.at(x, y + edge), &part.at(x + edge, y + edge)};
   for (std::size_t i = 0; i < 4; ++i) {
     if (!corners[i]->valid) return false;
     for (std::size_t j = 0; j < i; ++j) {
@@ -178,7 +187,8 @@ bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const 
       const float height = std::max(std::abs(dot(between, a.ng)), std::abs(dot(between, b.ng)));
       if (dot(a.ng, b.ng) <= 0.0f || height > kMostHeight * distance) return false;
       // No place of the square is farther from its nearest corner than half of the diagonal, nor its normal.
-      if (0.5f * std::max(change_bound(a, distance, cosine), change_bound(b, distance, cosine)) > error_) return false;
+      if (0.5f * std::max(change_bound(a, distance, cosine), change_bound(b, distance, cosine)) > error_)
+        return false;
       const float la = luminance(a.irradiance), lb = luminance(b.irradiance);
       const float noise = 2.0f * std::sqrt(a.error * a.error + b.error * b.error);
       if (std::abs(la - lb) > error_ * (la + lb) + noise) return false;
@@ -207,18 +217,20 @@ void GatherPoints::place(const ImagePart& image_part) {
   for (int edge = kCoarsest; edge >= 1 && !squares.empty(); edge /= 2) {
     std::vector<std::pair<int, int>> corners, finer;
     for (const auto& [x, y] : squares) {
-      for (const auto& corner : {std::pair{x, y}, {x + edge, y}, {x, y + edge}, {x + edge, y + edge}}) corners.push_back(corner);
+      for (const auto& corner : {std::pair{x, y}, {x + edge, y}, {x, y + edge}, {x + edge, y + edge}})
+        corners.push_back(corner);
     }
     make_points(part, corners);
     for (const auto& [x, y] : squares) {
       if (interpolates(part, x, y, edge)) {
         for (int py = y; py < y + edge; ++py) {
-          for (int px = x; px < x + edge; ++px) part.square[part.index(px, py)] = static_cast<std::uint8_t>(edge);
+          for (int px = x; px < x + edge; ++px)
+            part.square[part.index(px, py)] = static_cast<std::uint8_t>(edge);
         }
         continue;
       }
-      const bool nothing = !part.at(x, y).valid && !part.at(x + edge, y).valid && !part.at(x, y + edge).valid &&
-                           !part.at(x + edge, y + edge).valid;
+      const bool nothing = !part.at(x, y).valid && !part.at(x + edge, y).valid &&
+                           !part.at(x, y + edge).valid && !part.at(x + edge, y + edge).valid;
       const int half = edge / 2;
       if (nothing || half == 0) continue;
       for (const auto& square : {std::pair{x, y}, {x + half, y}, {x, y + half}, {x + half, y + half}}) {
@@ -243,7 +255,8 @@ bool GatherPoints::interpolate(int x, int y, const Vertex& vertex, Rgb& irradian
     const int right = corner & 1, down = corner >> 1;
     const GatherPoint& point = part.at(left + right * edge, top + down * edge);
     const Vec3f between = vertex.point.position - point.position;
-    // A sample may see another surface than the corners do: one within the square is no farther than its diagonal.
+    // A sample may see another surface than the corners do: one within the square is no farther than its
+    // diagonal.
     if (change_bound(point, length(between), dot(vertex.bsdf.ns(), point.ns)) > 2.5f * error_) continue;
     const float weight = (right != 0 ? fx : 1.0f - fx) * (down != 0 ? fy : 1.0f - fy);
     irradiance += point.irradiance * weight;

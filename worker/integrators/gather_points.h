@@ -15,23 +15,26 @@ namespace pf {
 
 /// Indirect irradiance at a point, gathered over its hemisphere.
 struct GatherPoint {
-  bool valid = false;         ///< the surface has a Lambert reflector to gather for
+  bool valid = false;  ///< the surface has a Lambert reflector to gather for
   Vec3f position{0, 0, 0};
   Vec3f ns{0, 0, 1}, ng{0, 0, 1};
-  Rgb irradiance{0, 0, 0};    ///< W m^-2
-  float error = 0;            ///< standard error of its luminance, of the random choice of rays
-  float distance = kInfinity; ///< harmonic mean of the distances to what the rays met [m]: how near other surfaces are
+  Rgb irradiance{0, 0, 0};  ///< W m^-2
+  float error = 0;          ///< standard error of its luminance, of the random choice of rays
+  float distance =
+      kInfinity;  ///< harmonic mean of the distances to what the rays met [m]: how near other surfaces are
 };
 
 /// Gathers irradiance by rays.
 ///
-/// Part of them are stratified over the cosine-weighted hemisphere; the others are drawn from a histogram of the directions that
-/// the nearest indirect photons came from [Jensen 1995, "Importance Driven Path Tracing using the Photon Map"], and both are
-/// joined by the balance heuristic [Veach 1997, 9.2.2]: without bias given what the rays bring, whatever the histogram.
+/// Part of them are stratified over the cosine-weighted hemisphere; the others are drawn from a histogram of
+/// the directions that the nearest indirect photons came from [Jensen 1995, "Importance Driven Path Tracing
+/// using the Photon Map"], and both are joined by the balance heuristic [Veach 1997, 9.2.2]: without bias
+/// given what the rays bring, whatever the histogram.
 class HemisphereGather {
  public:
   HemisphereGather(const MapGather& gather, const JobSpec& spec);
-  [[nodiscard]] GatherPoint at(const Vertex& vertex, const MediumStack& media, int rays, PathRng& rng, TileFigures& figures) const;
+  [[nodiscard]] GatherPoint at(const Vertex& vertex, const MediumStack& media, int rays, PathRng& rng,
+                               TileFigures& figures) const;
 
  private:
   /// Cells of equal cosine measure: squared sine along the rows, angle around the normal along the columns.
@@ -48,10 +51,11 @@ class HemisphereGather {
 
 /// Gather points of an image, placed adaptively on a lattice of its pixels, tile by tile.
 ///
-/// Squares of kCoarsest pixels are cut in four while the irradiance at their corners may not be interpolated: where corners lie
-/// on different surfaces, where other surfaces are near (the bound of [Ward 1988] for moving and turning away from a point, half
-/// of the square's diagonal at most, exceeds `error`), or where corners differ by more than `error` allows beyond their noise. A
-/// corner's point depends on its place in the image alone, so that tiles agree at their borders, whoever renders them.
+/// Squares of kCoarsest pixels are cut in four while the irradiance at their corners may not be interpolated:
+/// where corners lie on different surfaces, where other surfaces are near (the bound of [Ward 1988] for
+/// moving and turning away from a point, half of the square's diagonal at most, exceeds `error`), or where
+/// corners differ by more than `error` allows beyond their noise. A corner's point depends on its place in
+/// the image alone, so that tiles agree at their borders, whoever renders them.
 class GatherPoints {
  public:
   static constexpr int kCoarsest = 16;
@@ -60,25 +64,31 @@ class GatherPoints {
 
   /// Places the points of a part, unless that is done. A part starts at a multiple of kCoarsest.
   void place(const ImagePart& part);
-  /// Irradiance at the vertex seen by a pixel of a part that was placed, interpolated; false where it must be gathered.
+  /// Irradiance at the vertex seen by a pixel of a part that was placed, interpolated; false where it must be
+  /// gathered.
   [[nodiscard]] bool interpolate(int x, int y, const Vertex& vertex, Rgb& irradiance) const;
   /// Whether the pixel's corner holds a point.
   [[nodiscard]] bool marked(int x, int y) const;
-  /// Rays shot and faults met in placing the points of the part that starts at this pixel; none at its other pixels.
+  /// Rays shot and faults met in placing the points of the part that starts at this pixel; none at its other
+  /// pixels.
   [[nodiscard]] TileFigures figures_at(int x, int y) const;
 
  private:
   struct Part {
     bool placed = false;
-    int x0 = 0, y0 = 0, columns = 0;            ///< columns: of the lattice, corners on both borders
-    std::vector<std::int32_t> corner;           ///< number of the point, or -1
+    int x0 = 0, y0 = 0, columns = 0;   ///< columns: of the lattice, corners on both borders
+    std::vector<std::int32_t> corner;  ///< number of the point, or -1
     std::vector<GatherPoint> points;
-    std::vector<std::uint8_t> square;           ///< per pixel: edge of the square it lies in, 0: not to be interpolated
+    std::vector<std::uint8_t>
+        square;  ///< per pixel: edge of the square it lies in, 0: not to be interpolated
     TileFigures figures;
     [[nodiscard]] std::size_t index(int x, int y) const {
-      return static_cast<std::size_t>(y - y0) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(x - x0);
+      return static_cast<std::size_t>(y - y0) * static_cast<std::size_t>(columns) +
+             static_cast<std::size_t>(x - x0);
     }
-    [[nodiscard]] const GatherPoint& at(int x, int y) const { return points[static_cast<std::size_t>(corner[index(x, y)])]; }
+    [[nodiscard]] const GatherPoint& at(int x, int y) const {
+      return points[static_cast<std::size_t>(corner[index(x, y)])];
+    }
   };
 
   [[nodiscard]] const Part& part_of(int x, int y) const;
@@ -92,7 +102,7 @@ class GatherPoints {
   int rays_;
   float error_;
   std::uint64_t seed_;
-  int edge_, columns_;                          ///< of the parts
+  int edge_, columns_;  ///< of the parts
   std::mutex placing_;
   std::vector<Part> parts_;
 };

@@ -11,13 +11,15 @@
 namespace pf {
 namespace {
 
-/// Irradiance is estimated at one of so many photons: [Christensen 1999] found a quarter of them as good as all.
+/// Irradiance is estimated at one of so many photons: [Christensen 1999] found a quarter of them as good as
+/// all.
 constexpr std::size_t kEvery = 4;
 /// Photons side by side whose discs share the probes of their edges.
 constexpr std::size_t kChunk = 256;
 
 /// Nodes of the tree from left to right, every kEvery-th of them: neighbours in space follow each other.
-void list_in_order(std::size_t node, std::size_t count, std::size_t& number, std::vector<std::uint32_t>& chosen) {
+void list_in_order(std::size_t node, std::size_t count, std::size_t& number,
+                   std::vector<std::uint32_t>& chosen) {
   if (node > count) return;
   list_in_order(2 * node, count, number, chosen);
   if (number++ % kEvery == 0) chosen.push_back(static_cast<std::uint32_t>(node));
@@ -29,10 +31,12 @@ int depth_behind_gather(int max_depth) { return max_depth == 0 ? 0 : max_depth -
 
 }  // namespace
 
-MapGather::MapGather(const Scene& scene, const JobSpec& spec) : scene_(scene), max_depth_(spec.integrator.max_depth) {
+MapGather::MapGather(const Scene& scene, const JobSpec& spec)
+    : scene_(scene), max_depth_(spec.integrator.max_depth) {
   if (max_depth_ == 1) return;  // all light that arrives is direct
   const TracedPhotons global(scene, spec, TracedPhotons::Purpose::kGlobal, depth_behind_gather(max_depth_));
-  const PhotonArrays* all[] = {&global.batch.direct, &global.batch.flows[kCaustic], &global.batch.flows[kIndirect]};
+  const PhotonArrays* all[] = {&global.batch.direct, &global.batch.flows[kCaustic],
+                               &global.batch.flows[kIndirect]};
   map_ = MapEstimate(scene, all, global.flux_unit, global_options(spec));
   figures_.rays = global.batch.rays;
   figures_.faults = global.batch.faults;
@@ -98,7 +102,8 @@ Rgb MapGather::leaving(const Vertex& vertex, PathRng& rng, TileFigures& figures)
   return map_.radiance(scene_, vertex, Portion::kGather, 0.0f, rng.next2(), figures);
 }
 
-GatherRadiance::Arrival MapGather::arriving(const Ray& ray, const MediumStack& media, PathRng& rng, TileFigures& figures) const {
+GatherRadiance::Arrival MapGather::arriving(const Ray& ray, const MediumStack& media, PathRng& rng,
+                                            TileFigures& figures) const {
   constexpr int kFirstRoulette = 4;
   constexpr float kMaxSurvival = 0.95f;  // ends rays caught between perfect mirrors
   Arrival arrival;
@@ -114,7 +119,8 @@ GatherRadiance::Arrival MapGather::arriving(const Ray& ray, const MediumStack& m
     if (!inside.empty()) beta *= inside.transmittance(scene_, length(hit->position - from));
     const Vertex vertex(scene_, *hit, -at.direction, inside);
     const Bsdf& bsdf = vertex.bsdf;
-    const float gathered = average(bsdf.albedo(Portion::kGather)), followed = average(bsdf.albedo(Portion::kFollow));
+    const float gathered = average(bsdf.albedo(Portion::kGather)),
+                followed = average(bsdf.albedo(Portion::kFollow));
     if (bsdf.is_black() || !(gathered + followed > 0.0f)) return arrival;
     const float p_gather = gathered / (gathered + followed);
     const float u = p_gather < 1.0f ? rng.next1() : 0.0f;

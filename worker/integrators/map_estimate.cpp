@@ -11,8 +11,10 @@
 namespace pf {
 namespace {
 
-/// Cells of the lights' views that photons of this purpose go through; null where the job wants none or all would be On.
-std::unique_ptr<const ProjectionMap> projection_of(const Scene& scene, const JobSpec& spec, TracedPhotons::Purpose purpose) {
+/// Cells of the lights' views that photons of this purpose go through; null where the job wants none or all
+/// would be On.
+std::unique_ptr<const ProjectionMap> projection_of(const Scene& scene, const JobSpec& spec,
+                                                   TracedPhotons::Purpose purpose) {
   if (spec.photon_map.projection_map == Switch::kOff) return nullptr;
   SurfaceBalls balls(scene.bounds());
   scene.for_each_triangle([&](const std::array<Vec3f, 3>& corners, int material) {
@@ -33,7 +35,8 @@ TracedPhotons::TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose pu
   const auto projection = projection_of(scene, spec, purpose);
   PhotonOptions options;
   options.seed = spec.integrator.seed;
-  options.paths = static_cast<std::uint32_t>(caustics ? spec.photon_map.caustic_photons : spec.integrator.photons);
+  options.paths =
+      static_cast<std::uint32_t>(caustics ? spec.photon_map.caustic_photons : spec.integrator.photons);
   options.max_depth = max_depth;
   options.direct = !caustics;
   options.caustics_only = caustics;
@@ -43,9 +46,11 @@ TracedPhotons::TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose pu
   flux_unit = tracer.flux_unit();
 }
 
-MapEstimate::MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit, const Options& options)
+MapEstimate::MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit,
+                         const Options& options)
     : map_(flows), options_(options), filter_(options.filter), flux_unit_(flux_unit) {
-  max_distance_ = options.max_distance > 0.0 ? static_cast<float>(options.max_distance) : choose_max_distance(scene);
+  max_distance_ =
+      options.max_distance > 0.0 ? static_cast<float>(options.max_distance) : choose_max_distance(scene);
 }
 
 float MapEstimate::choose_max_distance(const Scene& scene) const {
@@ -75,8 +80,8 @@ const NearestPhotons& MapEstimate::find(const Vec3f& position, const Vec3f& norm
   return found;
 }
 
-Rgb MapEstimate::radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered, const Vec2f& u,
-                          TileFigures& figures) const {
+Rgb MapEstimate::radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered,
+                          const Vec2f& u, TileFigures& figures) const {
   if (map_.empty()) return {0.0f, 0.0f, 0.0f};
   DiscQuery disc = disc_at(vertex, max_distance_);
   const NearestPhotons& found = find(disc.position, disc.normal, disc.both_sides);
@@ -91,7 +96,8 @@ Rgb MapEstimate::radiance(const Scene& scene, const Vertex& vertex, Portion port
     });
   }
   disc.radius2 = found.radius2;
-  if (disc.radius2 > covered * covered) radiance /= measure_coverage(scene, vertex.point, disc, u, figures.rays).fraction;
+  if (disc.radius2 > covered * covered)
+    radiance /= measure_coverage(scene, vertex.point, disc, u, figures.rays).fraction;
   radiance *= static_cast<float>(flux_unit_);
   if (is_finite(radiance)) return radiance;
   ++figures.faults.not_finite;
@@ -104,11 +110,13 @@ MapEstimate::Irradiance MapEstimate::irradiance(const Vec3f& position, const Vec
 }
 
 MapEstimate::Options global_options(const JobSpec& spec) {
-  return {static_cast<std::uint32_t>(spec.photon_map.nearest), spec.photon_map.max_distance, spec.photon_map.filter};
+  return {static_cast<std::uint32_t>(spec.photon_map.nearest), spec.photon_map.max_distance,
+          spec.photon_map.filter};
 }
 
 MapEstimate::Options caustic_options(const JobSpec& spec) {
-  return {static_cast<std::uint32_t>(spec.photon_map.caustic_nearest), spec.photon_map.max_distance, spec.photon_map.filter};
+  return {static_cast<std::uint32_t>(spec.photon_map.caustic_nearest), spec.photon_map.max_distance,
+          spec.photon_map.filter};
 }
 
 }  // namespace pf

@@ -10,11 +10,12 @@
 
 namespace pf {
 
-/// Radii up to which discs around what the pixels' first samples meet lie on the surface whole, made by tiles when a tile is
-/// about to be rendered. They depend on the pixel alone.
+/// Radii up to which discs around what the pixels' first samples meet lie on the surface whole, made by tiles
+/// when a tile is about to be rendered. They depend on the pixel alone.
 class CoveredRadii {
  public:
-  CoveredRadii(const Scene& scene, const Eye& eye, int max_depth) : scene_(scene), eye_(eye), max_depth_(max_depth) {}
+  CoveredRadii(const Scene& scene, const Eye& eye, int max_depth)
+      : scene_(scene), eye_(eye), max_depth_(max_depth) {}
   /// Finds those of a part of the image, unless they are known; discs up to `radius` [m] count.
   void find(const ImagePart& part, float radius);
   /// Of a pixel in a part that was found [m].
@@ -29,19 +30,21 @@ class CoveredRadii {
   const Eye& eye_;
   int max_depth_;
   std::mutex finding_;
-  std::vector<float> radii_;   ///< negative: not yet found
+  std::vector<float> radii_;  ///< negative: not yet found
 };
 
 /// Photon mapping with both maps seen directly.
 ///
-/// Jensen 1996, "Global Illumination using Photon Maps"; Jensen 2001, "Realistic Image Synthesis Using Photon Mapping". Radiance
-/// is split in four [Jensen 1996, 4]: direct light by next-event estimation from the eye, specular by following sharp
-/// reflections and refractions, caustics from a caustic map of many photons shot at what is specular, and indirect light from a
-/// global map, here estimated at the first surface that the eye path gathers on (final_gather adds a bounce before it).
-/// With photon_map.show_map, the global map holds direct light and caustics, too, and is all that is shown.
+/// Jensen 1996, "Global Illumination using Photon Maps"; Jensen 2001, "Realistic Image Synthesis Using Photon
+/// Mapping". Radiance is split in four [Jensen 1996, 4]: direct light by next-event estimation from the eye,
+/// specular by following sharp reflections and refractions, caustics from a caustic map of many photons shot
+/// at what is specular, and indirect light from a global map, here estimated at the first surface that the
+/// eye path gathers on (final_gather adds a bounce before it). With photon_map.show_map, the global map holds
+/// direct light and caustics, too, and is all that is shown.
 ///
-/// Biased: light is blurred over discs of the k nearest photons; the squared bias falls with the photons. Where it fails: indirect
-/// light shows as low-frequency blotches, and corners of small objects as blur, unless photons are very many.
+/// Biased: light is blurred over discs of the k nearest photons; the squared bias falls with the photons.
+/// Where it fails: indirect light shows as low-frequency blotches, and corners of small objects as blur,
+/// unless photons are very many.
 class PhotonMapIntegrator final : public SinglePassIntegrator {
  public:
   PhotonMapIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec);
@@ -59,7 +62,7 @@ class PhotonMapIntegrator final : public SinglePassIntegrator {
 
   bool show_map_;
   MapEstimate global_, caustics_;
-  std::uint64_t rays_ = 0;      ///< of photons; counted with the first pixel's first sample
+  std::uint64_t rays_ = 0;  ///< of photons; counted with the first pixel's first sample
   Faults faults_;
   mutable CoveredRadii covered_;
 };

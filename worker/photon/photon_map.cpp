@@ -14,10 +14,10 @@ struct Key {
   std::uint32_t photon;
 };
 
-/// Photons of the left subtree when `count` > 1 of them make a left-balanced tree: all levels full but the last, and that one
-/// filled from the left [Jensen 2001, 6.2].
+/// Photons of the left subtree when `count` > 1 of them make a left-balanced tree: all levels full but the
+/// last, and that one filled from the left [Jensen 2001, 6.2].
 std::size_t left_size(std::size_t count) {
-  const std::size_t last_level = std::bit_floor(count);           // room of the last level
+  const std::size_t last_level = std::bit_floor(count);  // room of the last level
   const std::size_t in_last_level = count - (last_level - 1);
   return (last_level / 2 - 1) + std::min(last_level / 2, in_last_level);
 }
@@ -41,7 +41,8 @@ unsigned widest_axis(std::span<const Key> keys) {
 /// Builds the subtree of node `node` from `keys`; below a size where threads no longer help, on one.
 class Balancer {
  public:
-  Balancer(std::vector<std::uint32_t>& source, std::vector<std::uint8_t>& axes) : source_(source), axes_(axes) {}
+  Balancer(std::vector<std::uint32_t>& source, std::vector<std::uint8_t>& axes)
+      : source_(source), axes_(axes) {}
 
   void build(std::span<Key> keys, std::size_t node) {
     if (keys.empty()) return;
@@ -53,7 +54,8 @@ class Balancer {
     const std::size_t left = left_size(keys.size());
     const auto middle = keys.begin() + static_cast<std::ptrdiff_t>(left);
     std::nth_element(keys.begin(), middle, keys.end(), [axis](const Key& a, const Key& b) {
-      return a.position[axis] < b.position[axis] || (a.position[axis] == b.position[axis] && a.photon < b.photon);
+      return a.position[axis] < b.position[axis] ||
+             (a.position[axis] == b.position[axis] && a.photon < b.photon);
     });
     place(*middle, node, axis);
     const auto lower = keys.first(left), upper = keys.subspan(left + 1);
@@ -76,12 +78,15 @@ class Balancer {
 };
 
 StoredPhoton make_stored(const PhotonArrays& photons, std::size_t i, std::uint32_t number, unsigned axis) {
-  const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(photons.normal[i] >> (8 * k))); };
+  const auto byte = [&](int k) {
+    return static_cast<float>(static_cast<std::int8_t>(photons.normal[i] >> (8 * k)));
+  };
   const Vec3f normal = normalize({byte(0), byte(1), byte(2)});
   StoredPhoton stored;
   stored.position = {photons.x[i], photons.y[i], photons.z[i]};
   stored.flux = pack_rgbe({photons.r[i], photons.g[i], photons.b[i]}, mix_bits(number ^ 0x9E3779B9u));
-  stored.direction = static_cast<std::uint16_t>(pack_octahedral<kDirectionSteps, 8>(unpack_direction(photons.direction[i])));
+  stored.direction =
+      static_cast<std::uint16_t>(pack_octahedral<kDirectionSteps, 8>(unpack_direction(photons.direction[i])));
   stored.flags = static_cast<std::uint16_t>(pack_octahedral<kNormalMapSteps, 7>(normal) << 2 | axis);
   return stored;
 }
@@ -101,7 +106,8 @@ PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
     const PhotonArrays& photons = *flows[f];
     parallel_ranges(photons.size(), kGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        keys[starts[f] + i] = {{photons.x[i], photons.y[i], photons.z[i]}, static_cast<std::uint32_t>(starts[f] + i)};
+        keys[starts[f] + i] = {{photons.x[i], photons.y[i], photons.z[i]},
+                               static_cast<std::uint32_t>(starts[f] + i)};
       }
     });
   }
@@ -119,7 +125,8 @@ PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
     }
   });
   constexpr std::size_t kLastLevels = 4;
-  first_root_ = static_cast<std::uint32_t>(std::max<std::size_t>(1, std::bit_floor(count_) >> (kLastLevels - 1)));
+  first_root_ =
+      static_cast<std::uint32_t>(std::max<std::size_t>(1, std::bit_floor(count_) >> (kLastLevels - 1)));
 }
 
 }  // namespace pf

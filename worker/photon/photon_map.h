@@ -12,32 +12,34 @@
 
 namespace pf {
 
-/// The photons nearest to a point, among those on its surface: where a DiscQuery of the same point, with the photon's distance
-/// for its radius, would accept the photon. So a photon off the tangent plane counts as kPlaneTolerance^-1 times its height
-/// away, and one on a surface that faces elsewhere does not count.
+/// The photons nearest to a point, among those on its surface: where a DiscQuery of the same point, with the
+/// photon's distance for its radius, would accept the photon. So a photon off the tangent plane counts as
+/// kPlaneTolerance^-1 times its height away, and one on a surface that faces elsewhere does not count.
 struct NearestQuery {
   Vec3f position;
-  Vec3f normal;                          ///< unit geometric normal on the side that is seen
-  float max_distance2 = kInfinity;       ///< m^2
-  std::uint32_t nearest = 1;             ///< how many, at least 1
-  bool both_sides = false;               ///< also photons that came from behind (rough transmission)
+  Vec3f normal;                     ///< unit geometric normal on the side that is seen
+  float max_distance2 = kInfinity;  ///< m^2
+  std::uint32_t nearest = 1;        ///< how many, at least 1
+  bool both_sides = false;          ///< also photons that came from behind (rough transmission)
 };
 
-/// Photons of an answer, and the disc that they fill. Kept by the caller, one a thread, so that queries allocate nothing.
+/// Photons of an answer, and the disc that they fill. Kept by the caller, one a thread, so that queries
+/// allocate nothing.
 ///
-/// When `nearest` photons are found within the maximum distance, the farthest of them sets the radius and is not among the
-/// photons: the others then lie in the disc as they may, and (k-1)/(pi r^2) is their density without bias [Loftsgaarden and
-/// Quesenberry 1965; Moore and Yackel 1977], which k/(pi r^2) of [Jensen 2001, 7.1] overestimates. Else the radius is the
-/// maximum distance, and all photons found count; the density is without bias over both cases.
+/// When `nearest` photons are found within the maximum distance, the farthest of them sets the radius and is
+/// not among the photons: the others then lie in the disc as they may, and (k-1)/(pi r^2) is their density
+/// without bias [Loftsgaarden and Quesenberry 1965; Moore and Yackel 1977], which k/(pi r^2) of [Jensen
+/// 2001, 7.1] overestimates. Else the radius is the maximum distance, and all photons found count; the
+/// density is without bias over both cases.
 struct NearestPhotons {
-  std::vector<std::uint32_t> index;      ///< for PhotonMap::photon()
-  std::vector<float> distance2;          ///< as the query counts distance [m^2]
-  std::size_t count = 0;                 ///< of both above
-  float radius2 = 0;                     ///< m^2
+  std::vector<std::uint32_t> index;  ///< for PhotonMap::photon()
+  std::vector<float> distance2;      ///< as the query counts distance [m^2]
+  std::size_t count = 0;             ///< of both above
+  float radius2 = 0;                 ///< m^2
 };
 
-/// Photons in a left-balanced kd-tree without pointers [Jensen 2001, 6.2]: the children of node i, counted from 1, are 2i and
-/// 2i+1, and every level but the last is full. 20 bytes a photon.
+/// Photons in a left-balanced kd-tree without pointers [Jensen 2001, 6.2]: the children of node i, counted
+/// from 1, are 2i and 2i+1, and every level but the last is full. 20 bytes a photon.
 class PhotonMap {
  public:
   PhotonMap() = default;
@@ -48,22 +50,25 @@ class PhotonMap {
   [[nodiscard]] bool empty() const { return count_ == 0; }
   /// Photon of node `index`, from 1 to size().
   [[nodiscard]] const StoredPhoton& photon(std::uint32_t index) const { return photons_[index]; }
-  [[nodiscard]] std::span<const StoredPhoton> photons() const { return std::span(photons_).subspan(empty() ? 0 : 1); }
+  [[nodiscard]] std::span<const StoredPhoton> photons() const {
+    return std::span(photons_).subspan(empty() ? 0 : 1);
+  }
   [[nodiscard]] std::size_t bytes() const { return photons_.size() * sizeof(StoredPhoton); }
 
   /// The photons of an answer, always in the same order.
   void nearest(const NearestQuery& query, NearestPhotons& found) const;
   /// Index of the nearest photon that the query accepts, or 0; query.nearest does not count.
   [[nodiscard]] std::uint32_t nearest_one(const NearestQuery& query) const;
-  /// Whether the query accepts the photon within its maximum distance, and how far away it then is: what searching must find.
-  /// Infinite where it is on another surface.
+  /// Whether the query accepts the photon within its maximum distance, and how far away it then is: what
+  /// searching must find. Infinite where it is on another surface.
   [[nodiscard]] float distance2(const NearestQuery& query, std::uint32_t index) const;
 
  private:
   friend class MapWalk;
-  std::vector<StoredPhoton> photons_;    ///< [0] is not used
+  std::vector<StoredPhoton> photons_;  ///< [0] is not used
   std::size_t count_ = 0;
-  std::uint32_t first_root_ = 1;         ///< nodes from here on head the last levels, which are searched as one (MapWalk)
+  std::uint32_t first_root_ =
+      1;  ///< nodes from here on head the last levels, which are searched as one (MapWalk)
 };
 
 }  // namespace pf

@@ -8,12 +8,12 @@
 namespace pf {
 namespace {
 
-constexpr float kCone = 1.1f;                                             ///< k of the cone filter
+constexpr float kCone = 1.1f;  ///< k of the cone filter
 constexpr float kConeScale = 1.0f / (1.0f - 2.0f / (3.0f * kCone));
-constexpr double kGaussianAlpha = 0.918, kGaussianBeta = 1.953;           ///< a and b
+constexpr double kGaussianAlpha = 0.918, kGaussianBeta = 1.953;  ///< a and b
 
-/// w = a - a (1 - e^(-b u^2/2)) / (1 - e^-b) = constant + factor * e^(-b u^2/2), divided by its mean over the disc,
-/// constant + factor * (1 - e^(-b/2)) / (b/2).
+/// w = a - a (1 - e^(-b u^2/2)) / (1 - e^-b) = constant + factor * e^(-b u^2/2), divided by its mean over the
+/// disc, constant + factor * (1 - e^(-b/2)) / (b/2).
 struct Gaussian {
   float constant, factor;
   Gaussian() {
@@ -37,8 +37,9 @@ Rgb weighted_flux(const PhotonMap& map, const NearestPhotons& found, const Weigh
   for (std::size_t i = 0; i < found.count; i += 8) {
     const auto left = static_cast<int>(found.count - i);
     const __m256i used = _mm256_cmpgt_epi32(_mm256_set1_epi32(left), lane);
-    const __m256i index = _mm256_and_si256(
-        _mm256_loadu_si256(reinterpret_cast<const __m256i*>(found.index.data() + i)), used);  // 0 where there is none: a photon
+    const __m256i index =
+        _mm256_and_si256(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(found.index.data() + i)),
+                         used);  // 0 where there is none: a photon
     const __m256i word = _mm256_add_epi32(_mm256_slli_epi32(index, 2), index);
     const __m256i rgbe = _mm256_i32gather_epi32(words + 3, word, 4);
     // 2^(e - 136) from its bits; e = 0 stands for black, whose mantissas are 0 as well.
@@ -66,9 +67,12 @@ Rgb weighted_flux(const PhotonMap& map, const NearestPhotons& found, const Weigh
 
 float MapFilter::weight(float u2) const {
   switch (filter_) {
-    case PhotonFilter::kDisc: return 1.0f;
-    case PhotonFilter::kCone: return (1.0f - std::sqrt(u2) / kCone) * kConeScale;
-    case PhotonFilter::kGaussian: break;
+    case PhotonFilter::kDisc:
+      return 1.0f;
+    case PhotonFilter::kCone:
+      return (1.0f - std::sqrt(u2) / kCone) * kConeScale;
+    case PhotonFilter::kGaussian:
+      break;
   }
   static const Gaussian gaussian;
   return gaussian.constant + gaussian.factor * std::exp(static_cast<float>(-0.5 * kGaussianBeta) * u2);
@@ -76,13 +80,15 @@ float MapFilter::weight(float u2) const {
 
 Rgb MapFilter::irradiance(const PhotonMap& map, const NearestPhotons& found) const {
   switch (filter_) {
-    case PhotonFilter::kDisc: return weighted_flux(map, found, [](__m256) { return _mm256_set1_ps(1.0f); });
+    case PhotonFilter::kDisc:
+      return weighted_flux(map, found, [](__m256) { return _mm256_set1_ps(1.0f); });
     case PhotonFilter::kCone:
       return weighted_flux(map, found, [](__m256 u2) {
         const __m256 slope = _mm256_mul_ps(_mm256_sqrt_ps(u2), _mm256_set1_ps(kConeScale / kCone));
         return _mm256_sub_ps(_mm256_set1_ps(kConeScale), slope);
       });
-    case PhotonFilter::kGaussian: break;
+    case PhotonFilter::kGaussian:
+      break;
   }
   return weighted_flux(map, found, [this](__m256 u2) {
     alignas(32) std::array<float, 8> lanes;

@@ -63,15 +63,17 @@ float largest_not_above(const float* values, std::size_t count, float bound) {
   return *std::max_element(lanes.begin(), lanes.end());
 }
 
-/// The k-th smallest of `count` >= k values, none negative; values[count..] must be infinite up to a multiple of eight. Photons
-/// on a surface are spread evenly over squared distance, so that interpolating finds it in a few rounds of counting.
+/// The k-th smallest of `count` >= k values, none negative; values[count..] must be infinite up to a multiple
+/// of eight. Photons on a surface are spread evenly over squared distance, so that interpolating finds it in
+/// a few rounds of counting.
 float kth_smallest(const float* values, std::size_t count, std::size_t k) {
   float low = 0.0f, high = largest_not_above(values, count, std::numeric_limits<float>::max());
   if (count == k) return high;
   std::size_t below_low = 0, below_high = count;
   constexpr int kInterpolations = 6;
   for (int round = 0; round < kInterpolations; ++round) {
-    const float share = (static_cast<float>(k - below_low) - 0.5f) / static_cast<float>(below_high - below_low);
+    const float share =
+        (static_cast<float>(k - below_low) - 0.5f) / static_cast<float>(below_high - below_low);
     const float middle = low + (high - low) * share;
     const std::size_t below = count_not_above(values, count, middle);
     if (below == k) return largest_not_above(values, count, middle);
@@ -86,7 +88,8 @@ float kth_smallest(const float* values, std::size_t count, std::size_t k) {
   // Few are left between the bounds, unless many photons lie at one place.
   thread_local std::vector<float> rest;
   rest.clear();
-  std::copy_if(values, values + count, std::back_inserter(rest), [&](float v) { return v <= high && (v > low || below_low == 0); });
+  std::copy_if(values, values + count, std::back_inserter(rest),
+               [&](float v) { return v <= high && (v > low || below_low == 0); });
   const auto wanted = rest.begin() + static_cast<std::ptrdiff_t>(k - below_low - 1);
   std::nth_element(rest.begin(), wanted, rest.end());
   return *wanted;
@@ -94,19 +97,21 @@ float kth_smallest(const float* values, std::size_t count, std::size_t k) {
 
 }  // namespace
 
-/// One query on its way through the tree: inner nodes one by one, nearest side first and their own photon before the far side,
-/// and the last four levels below a node as fifteen photons at once, eight to a register.
+/// One query on its way through the tree: inner nodes one by one, nearest side first and their own photon
+/// before the far side, and the last four levels below a node as fifteen photons at once, eight to a
+/// register.
 class MapWalk {
  public:
-  MapWalk(const PhotonMap& map, const NearestQuery& query) : map_(map), query_(query), radius2_(query.max_distance2) {
+  MapWalk(const PhotonMap& map, const NearestQuery& query)
+      : map_(map), query_(query), radius2_(query.max_distance2) {
     for (int axis = 0; axis < 3; ++axis) {
       position_[axis] = _mm256_set1_ps(query.position[axis]);
       normal_[axis] = _mm256_set1_ps(query.normal[axis]);
     }
   }
 
-  /// Calls take(index, distance2) for photons within radius2(), which `take` may lower, nearer parts of the tree first;
-  /// take8(indices, distances2, bits) for those of a register.
+  /// Calls take(index, distance2) for photons within radius2(), which `take` may lower, nearer parts of the
+  /// tree first; take8(indices, distances2, bits) for those of a register.
   template <typename Take, typename Take8>
   void run(const Take& take, const Take8& take8) {
     struct Pending {
@@ -129,8 +134,10 @@ class MapWalk {
         far.node = node ^ 1u;
         far.offset = offset;
         far.offset[axis] = to_plane;
-        // The photons' own sum of squares in the same order: rounding never puts a cell beyond a photon in it.
-        far.distance2 = far.offset[0] * far.offset[0] + far.offset[1] * far.offset[1] + far.offset[2] * far.offset[2];
+        // The photons' own sum of squares in the same order: rounding never puts a cell beyond a photon in
+        // it.
+        far.distance2 =
+            far.offset[0] * far.offset[0] + far.offset[1] * far.offset[1] + far.offset[2] * far.offset[2];
         depth += far.distance2 <= radius2_ ? 1 : 0;
       }
       if (node <= count) last_levels(node, take8);
@@ -152,13 +159,15 @@ class MapWalk {
  private:
   template <typename Take8>
   void last_levels(std::uint32_t root, const Take8& take8) {
-    // The root, its two children, their four children, and the root again, which does not count; then the last level.
+    // The root, its two children, their four children, and the root again, which does not count; then the
+    // last level.
     const StoredPhoton* photons = map_.photons_.data();
     const std::size_t r = root, count = map_.count_;
     const __m256i at = _mm256_set1_epi32(static_cast<int>(root));
     const __m256i upper = _mm256_add_epi32(_mm256_sllv_epi32(at, _mm256_setr_epi32(0, 1, 1, 2, 2, 2, 2, 0)),
                                            _mm256_setr_epi32(0, 0, 1, 0, 1, 2, 3, 0));
-    const __m256i lower = _mm256_add_epi32(_mm256_slli_epi32(at, 3), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    const __m256i lower =
+        _mm256_add_epi32(_mm256_slli_epi32(at, 3), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
     if (8 * r + 7 <= count) {
       const StoredPhoton *c = photons + 2 * r, *g = photons + 4 * r, *l = photons + 8 * r;
       eight({photons + r, c, c + 1, g, g + 1, g + 2, g + 3, photons + r}, upper, 0x7Fu, take8);
@@ -182,11 +191,14 @@ class MapWalk {
   using Eight = std::array<const StoredPhoton*, 8>;
 
   template <typename Take8>
-  [[gnu::always_inline]] void eight(const Eight& photons, __m256i nodes, std::uint32_t valid, const Take8& take8) {
-    // Four words of each photon, x y z flux, turned into registers of x, y and z: faster than gather instructions.
+  [[gnu::always_inline]] void eight(const Eight& photons, __m256i nodes, std::uint32_t valid,
+                                    const Take8& take8) {
+    // Four words of each photon, x y z flux, turned into registers of x, y and z: faster than gather
+    // instructions.
     const auto pair = [&](std::size_t low, std::size_t high) {
       const __m128 first = _mm_loadu_ps(photons[low]->position.data());
-      return _mm256_insertf128_ps(_mm256_castps128_ps256(first), _mm_loadu_ps(photons[high]->position.data()), 1);
+      return _mm256_insertf128_ps(_mm256_castps128_ps256(first), _mm_loadu_ps(photons[high]->position.data()),
+                                  1);
     };
     const __m256 p04 = pair(0, 4), p15 = pair(1, 5), p26 = pair(2, 6), p37 = pair(3, 7);
     const __m256 xy01 = _mm256_unpacklo_ps(p04, p15), xy23 = _mm256_unpacklo_ps(p26, p37);
@@ -195,13 +207,15 @@ class MapWalk {
     const __m256 y = _mm256_sub_ps(position_[1], _mm256_shuffle_ps(xy01, xy23, _MM_SHUFFLE(3, 2, 3, 2)));
     const __m256 z = _mm256_sub_ps(position_[2], _mm256_shuffle_ps(z01, z23, _MM_SHUFFLE(1, 0, 1, 0)));
     const __m256 height = sum3(x, normal_[0], y, normal_[1], z, normal_[2]);
-    const __m256 off_plane = _mm256_mul_ps(_mm256_mul_ps(height, height), _mm256_set1_ps(kInversePlaneTolerance2));
+    const __m256 off_plane =
+        _mm256_mul_ps(_mm256_mul_ps(height, height), _mm256_set1_ps(kInversePlaneTolerance2));
     const __m256 distance2 = _mm256_max_ps(sum3(x, x, y, y, z, z), off_plane);
     const __m256 near = _mm256_cmp_ps(distance2, _mm256_set1_ps(radius2_), _CMP_LE_OQ);
     std::uint32_t bits = static_cast<std::uint32_t>(_mm256_movemask_ps(near)) & valid;
     if (bits == 0) return;
     const auto flags = [&](std::size_t i) { return static_cast<int>(photons[i]->flags); };
-    const __m256i packed = _mm256_setr_epi32(flags(0), flags(1), flags(2), flags(3), flags(4), flags(5), flags(6), flags(7));
+    const __m256i packed =
+        _mm256_setr_epi32(flags(0), flags(1), flags(2), flags(3), flags(4), flags(5), flags(6), flags(7));
     bits &= static_cast<std::uint32_t>(_mm256_movemask_ps(facing(_mm256_srli_epi32(packed, 2))));
     if (bits != 0) take8(nodes, distance2, bits);
   }
@@ -285,8 +299,10 @@ class Candidates {
     for (std::size_t i = 0; i < found_.count; i += 8) {
       const __m256 distances2 = _mm256_loadu_ps(found_.distance2.data() + i);
       const __m256i indices = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(found_.index.data() + i));
-      const auto nearer = static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(distances2, limit, _CMP_LT_OQ)));
-      const auto tied = static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(distances2, limit, _CMP_EQ_OQ)));
+      const auto nearer =
+          static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(distances2, limit, _CMP_LT_OQ)));
+      const auto tied =
+          static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(distances2, limit, _CMP_EQ_OQ)));
       store(kept, indices, distances2, nearer | tied);
       kept += static_cast<std::size_t>(std::popcount(nearer | tied));
       ties += static_cast<std::size_t>(std::popcount(tied));
@@ -312,7 +328,8 @@ class Candidates {
     const std::uint64_t bytes = _pdep_u64(bits, 0x0101010101010101u) * 0xFFu;
     const __m256i lanes = _mm256_cvtepu8_epi32(
         _mm_cvtsi64_si128(static_cast<long long>(_pext_u64(0x0706050403020100u, bytes))));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(found_.index.data() + at), _mm256_permutevar8x32_epi32(indices, lanes));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(found_.index.data() + at),
+                        _mm256_permutevar8x32_epi32(indices, lanes));
     _mm256_storeu_ps(found_.distance2.data() + at, _mm256_permutevar8x32_ps(distances2, lanes));
   }
 
@@ -324,8 +341,8 @@ class Candidates {
 }  // namespace
 
 void PhotonMap::nearest(const NearestQuery& query, NearestPhotons& found) const {
-  // What the last answer needed, and a little more, will mostly do for this one; when it does not, all is searched. The answer
-  // is the same, in the same order.
+  // What the last answer needed, and a little more, will mostly do for this one; when it does not, all is
+  // searched. The answer is the same, in the same order.
   constexpr float kMore = 1.4f;
   const float hint2 = kMore * found.radius2;
   for (const float bound2 : {hint2, query.max_distance2}) {
@@ -335,7 +352,9 @@ void PhotonMap::nearest(const NearestQuery& query, NearestPhotons& found) const 
     Candidates candidates(walk, found, query.nearest);
     if (!empty()) {
       walk.run([&](std::uint32_t index, float distance2) { candidates.take(index, distance2); },
-               [&](__m256i indices, __m256 distances2, std::uint32_t bits) { candidates.take8(indices, distances2, bits); });
+               [&](__m256i indices, __m256 distances2, std::uint32_t bits) {
+                 candidates.take8(indices, distances2, bits);
+               });
     }
     if (bound2 < query.max_distance2 && found.count < query.nearest) continue;
     candidates.finish(query.max_distance2);

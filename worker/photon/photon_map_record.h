@@ -12,12 +12,14 @@
 
 namespace pf {
 
-/// A photon as the map keeps it, 20 bytes [Jensen 2001, 6.2; Jensen 1996, 3.1]. Bytes in memory order, little-endian:
+/// A photon as the map keeps it, 20 bytes [Jensen 2001, 6.2; Jensen 1996, 3.1]. Bytes in memory order,
+/// little-endian:
 ///
 ///   0  position   three floats [m]
-///   12 flux       RGBE [Ward 1991, "Real Pixels"]: three 8-bit mantissas and a shared exponent of 2, excess 128
-///   16 direction  towards where the photon came from: octahedral map, 8 bits an axis (Jensen: two spherical angles)
-///   18 flags      bits 0-1: axis of the kd-tree's split; bits 2-15: geometric normal on the side that the photon came from,
+///   12 flux       RGBE [Ward 1991, "Real Pixels"]: three 8-bit mantissas and a shared exponent of 2, excess
+///   128 16 direction  towards where the photon came from: octahedral map, 8 bits an axis (Jensen: two
+///   spherical angles) 18 flags      bits 0-1: axis of the kd-tree's split; bits 2-15: geometric normal on
+///   the side that the photon came from,
 ///                 octahedral map, 7 bits an axis: which surface it lies on, and on which side
 struct StoredPhoton {
   std::array<float, 3> position;
@@ -49,23 +51,29 @@ template <std::uint32_t kSteps, unsigned kBits>
 /// Angle between a direction and what becomes of it in 16 bits, and of a normal in 14, at most [rad].
 inline constexpr float kDirectionError = 0.0175f, kNormalError = 0.035f;
 
-[[nodiscard]] inline Vec3f towards_light(const StoredPhoton& p) { return unpack_octahedral<kDirectionSteps, 8>(p.direction); }
+[[nodiscard]] inline Vec3f towards_light(const StoredPhoton& p) {
+  return unpack_octahedral<kDirectionSteps, 8>(p.direction);
+}
 [[nodiscard]] inline Vec3f surface_normal(const StoredPhoton& p) {
   return unpack_octahedral<kNormalMapSteps, 7>(static_cast<std::uint32_t>(p.flags) >> 2);
 }
 
-/// RGBE of a colour. Rounded up or down at random, by `random_bits`, so that the mean of many is exact: photons of one flux
-/// each, as roulette makes them, would all be rounded the same way, by up to 0.4 %. Each channel errs by less than one step of at
-/// most 1/128 of the largest channel. Negative values count as 0; above 2^126 the largest is kept.
+/// RGBE of a colour. Rounded up or down at random, by `random_bits`, so that the mean of many is exact:
+/// photons of one flux each, as roulette makes them, would all be rounded the same way, by up to 0.4 %. Each
+/// channel errs by less than one step of at most 1/128 of the largest channel. Negative values count as 0;
+/// above 2^126 the largest is kept.
 [[nodiscard]] inline std::array<std::uint8_t, 4> pack_rgbe(const Rgb& rgb, std::uint32_t random_bits) {
   constexpr float kLargest = 0x1p126f, kSmallest = 0x1p-110f;
   const float largest = std::min(max_component(rgb), kLargest);
   if (!(largest >= kSmallest)) return {0, 0, 0, 0};
   int exponent = std::ilogb(largest) + 1;  // largest / 2^exponent lies in [1/2, 1)
-  const auto dither = [](int c, std::uint32_t bits) { return static_cast<float>((bits >> (10 * c)) & 1023u) * 0x1p-10f; };
+  const auto dither = [](int c, std::uint32_t bits) {
+    return static_cast<float>((bits >> (10 * c)) & 1023u) * 0x1p-10f;
+  };
   const float scale = std::ldexp(256.0f, -exponent);
   Rgb steps;
-  for (int c = 0; c < 3; ++c) steps[c] = std::floor(std::clamp(rgb[c], 0.0f, kLargest) * scale + dither(c, random_bits));
+  for (int c = 0; c < 3; ++c)
+    steps[c] = std::floor(std::clamp(rgb[c], 0.0f, kLargest) * scale + dither(c, random_bits));
   if (max_component(steps) > 255.0f) {
     // Rounded up past the last step: steps twice as large, and other random bits.
     ++exponent;
@@ -79,7 +87,8 @@ inline constexpr float kDirectionError = 0.0175f, kNormalError = 0.035f;
   if (packed[3] == 0) return {0.0f, 0.0f, 0.0f};
   // 2^(e - 128 - 8), built from its bits.
   const auto scale = std::bit_cast<float>((static_cast<std::uint32_t>(packed[3]) + (127u - 136u)) << 23);
-  return Rgb{static_cast<float>(packed[0]), static_cast<float>(packed[1]), static_cast<float>(packed[2])} * scale;
+  return Rgb{static_cast<float>(packed[0]), static_cast<float>(packed[1]), static_cast<float>(packed[2])} *
+         scale;
 }
 
 }  // namespace pf

@@ -10,9 +10,9 @@
 namespace pf {
 namespace {
 
-constexpr int kSteps = 4;              ///< points along each edge of a cell at which its bound is measured
-constexpr float kBoundMargin = 1.1f;   ///< what may lie between those points, beyond them
-constexpr float kSlack = 1e-3f;        ///< rounding, and rays that start a little off their light
+constexpr int kSteps = 4;             ///< points along each edge of a cell at which its bound is measured
+constexpr float kBoundMargin = 1.1f;  ///< what may lie between those points, beyond them
+constexpr float kSlack = 1e-3f;       ///< rounding, and rays that start a little off their light
 constexpr std::uint64_t kPunctual = std::uint64_t{1} << 40, kEnvironment = std::uint64_t{1} << 41;
 
 /// Calls f(u) for points along the edges of cell (x, y) of `edge` x `edge`.
@@ -29,7 +29,9 @@ void for_each_edge_point(std::uint32_t x, std::uint32_t y, std::uint32_t edge, c
   }
 }
 
-float angle_between(const Vec3f& a, const Vec3f& b) { return 2.0f * std::asin(std::min(1.0f, 0.5f * length(a - b))); }
+float angle_between(const Vec3f& a, const Vec3f& b) {
+  return 2.0f * std::asin(std::min(1.0f, 0.5f * length(a - b)));
+}
 
 /// Cone around the directions of a cell.
 template <typename Direction>
@@ -117,7 +119,8 @@ void ProjectionMap::View::set(std::uint32_t cells_along, const std::vector<std::
   }
 }
 
-ProjectionMap::ProjectionMap(const Lights& lights, const Box3f& bounds, std::span<const SurfaceBall> balls, Target target)
+ProjectionMap::ProjectionMap(const Lights& lights, const Box3f& bounds, std::span<const SurfaceBall> balls,
+                             Target target)
     : lights_(lights), area_of_triangle_(lights.triangle_count(), 0) {
   if (lights.empty() || bounds.isEmpty()) return;
   center_ = bounds.center();
@@ -148,7 +151,8 @@ bool ProjectionMap::of_environment(const Lights::EmissionPicked& picked) const {
   return picked.triangle < 0 && picked.emission.light - lights_.triangle_count() == lights_.punctual_count();
 }
 
-/// Lights follow each other as the number that picks them grows: where both ends pick the same one, all between do.
+/// Lights follow each other as the number that picks them grows: where both ends pick the same one, all
+/// between do.
 void ProjectionMap::find_views(std::uint32_t first, std::uint32_t last, std::span<const SurfaceBall> balls) {
   if (views_.size() >= kMostViews) return;
   const auto number = [](std::uint32_t i) { return static_cast<float>(i) * 0x1p-24f; };
@@ -176,7 +180,8 @@ void ProjectionMap::add_view(float u_pick, std::span<const SurfaceBall> balls) {
     parallel_for(groups.size(), [&](std::size_t i) { groups[i] = distant_view(group(i), balls); });
     for (std::size_t i = 0; i < groups.size(); ++i) views_[kEnvironment + i] = std::move(groups[i]);
   } else if (picked->triangle >= 0) {
-    const Box3f box = lights_.area_lights()[area_of_triangle_[static_cast<std::size_t>(picked->triangle)]].box();
+    const Box3f box =
+        lights_.area_lights()[area_of_triangle_[static_cast<std::size_t>(picked->triangle)]].box();
     views_[key(*picked)] = near_view(u_pick, box.center(), 0.5f * length(box.size()), balls);
   } else if (length2(picked->emission.origin - other->emission.origin) > 0.0f) {
     views_[key(*picked)] = distant_view({picked->emission.direction, 0.0f}, balls);
@@ -187,7 +192,8 @@ void ProjectionMap::add_view(float u_pick, std::span<const SurfaceBall> balls) {
 
 ProjectionMap::View ProjectionMap::near_view(float u_pick, const Vec3f& center, float radius,
                                              std::span<const SurfaceBall> balls) const {
-  // Directions from any point of the light's ball to any point of the surface's: within a cone around the line of centres.
+  // Directions from any point of the light's ball to any point of the surface's: within a cone around the
+  // line of centres.
   struct Cone {
     Vec3f axis;
     float cosine, sine;
@@ -206,9 +212,10 @@ ProjectionMap::View ProjectionMap::near_view(float u_pick, const Vec3f& center, 
   if (!surrounded) {
     parallel_for(kEdge, [&](std::size_t row) {
       for (std::uint32_t x = 0; x < kEdge; ++x) {
-        const auto [axis, angle] = cone_of_cell(x, static_cast<std::uint32_t>(row), kEdge, [&](const Vec2f& u) {
-          return lights_.emit(u_pick, {0.5f, 0.5f}, u)->emission.direction;
-        });
+        const auto [axis, angle] =
+            cone_of_cell(x, static_cast<std::uint32_t>(row), kEdge, [&](const Vec2f& u) {
+              return lights_.emit(u_pick, {0.5f, 0.5f}, u)->emission.direction;
+            });
         const float cosine = std::cos(std::min(angle, kPi)), sine = std::sin(std::min(angle, kPi));
         const bool on = std::any_of(cones.begin(), cones.end(), [&, axis = axis](const Cone& cone) {
           // Angles that sum up to more than a half turn meet everything.
@@ -224,7 +231,8 @@ ProjectionMap::View ProjectionMap::near_view(float u_pick, const Vec3f& center, 
   return view;
 }
 
-ProjectionMap::View ProjectionMap::distant_view(const Bound& directions, std::span<const SurfaceBall> balls) const {
+ProjectionMap::View ProjectionMap::distant_view(const Bound& directions,
+                                                std::span<const SurfaceBall> balls) const {
   View view;
   view.distant = true;
   const Frame frame = Frame::from_normal(directions.center);
@@ -247,8 +255,8 @@ ProjectionMap::View ProjectionMap::distant_view(const Bound& directions, std::sp
   for (const SurfaceBall& ball : balls) {
     const Vec3f d = (ball.center - center_) / radius_;
     const Vec3f at{dot(d, frame.t), dot(d, frame.b), 0.0f};
-    // The disc's axes turn with the direction: by its angle to the group's axis the first, by at most sqrt(2) times that the
-    // second [rad]; together by less than twice.
+    // The disc's axes turn with the direction: by its angle to the group's axis the first, by at most sqrt(2)
+    // times that the second [rad]; together by less than twice.
     const float reach = ball.radius / radius_ + 2.0f * directions.radius * length(d);
     for (std::size_t cell = 0; cell < cells.size(); ++cell) {
       const float limit = reach + cells[cell].radius;
@@ -260,7 +268,8 @@ ProjectionMap::View ProjectionMap::distant_view(const Bound& directions, std::sp
 }
 
 std::size_t ProjectionMap::group_of(const Vec3f& direction) {
-  const float height = 0.5f - 0.5f * direction.y, turn = 0.5f + std::atan2(direction.x, direction.z) * (0.5f * kInvPi);
+  const float height = 0.5f - 0.5f * direction.y,
+              turn = 0.5f + std::atan2(direction.x, direction.z) * (0.5f * kInvPi);
   const int row = std::clamp(static_cast<int>(height * kHeights), 0, kHeights - 1);
   const int column = std::clamp(static_cast<int>(turn * kTurns), 0, kTurns - 1);
   return static_cast<std::size_t>(row * kTurns + column);
@@ -286,7 +295,8 @@ void ProjectionMap::place(Lights::EmissionPicked& picked, const View& view, cons
   picked.emission.origin = center_ + d * outside + (t * disc.x + b * disc.y) * radius_;
 }
 
-std::optional<Lights::EmissionPicked> ProjectionMap::emit(float u_pick, const Vec2f& u_position, const Vec2f& u_direction) const {
+std::optional<Lights::EmissionPicked> ProjectionMap::emit(float u_pick, const Vec2f& u_position,
+                                                          const Vec2f& u_direction) const {
   const auto any = lights_.emit(u_pick, u_position, u_direction);
   if (!any) return std::nullopt;
   Lights::EmissionPicked picked = *any;
@@ -303,7 +313,8 @@ std::optional<Lights::EmissionPicked> ProjectionMap::emit(float u_pick, const Ve
   return picked;
 }
 
-std::optional<ProjectionMap::Probe> ProjectionMap::probe(float u_pick, const Vec2f& u_position, const Vec2f& u_direction) const {
+std::optional<ProjectionMap::Probe> ProjectionMap::probe(float u_pick, const Vec2f& u_position,
+                                                         const Vec2f& u_direction) const {
   const auto picked = lights_.emit(u_pick, u_position, u_direction);
   if (!picked) return std::nullopt;
   Probe probe{*picked, true};

@@ -20,8 +20,8 @@ struct SurfaceBall {
   bool specular = false;  ///< some of it may reflect or refract sharply
 };
 
-/// Balls around all surfaces of a scene: triangles are cut into pieces that are small beside the scene, pieces near each other
-/// share a ball.
+/// Balls around all surfaces of a scene: triangles are cut into pieces that are small beside the scene,
+/// pieces near each other share a ball.
 class SurfaceBalls {
  public:
   explicit SurfaceBalls(const Box3f& bounds);
@@ -34,19 +34,22 @@ class SurfaceBalls {
   void add_piece(const std::array<Vec3f, 3>& corners, bool specular);
 
   Box3f bounds_;
-  float size_;                            ///< of a piece [m]
+  float size_;                                  ///< of a piece [m]
   std::map<std::array<int, 4>, Box3f> pieces_;  ///< by grid cell, and whether specular
 };
 
-/// Which directions, seen from each light, hold surfaces [Jensen 1996, 3.1; Jensen 2001, 5.2.3]: photons are emitted through On
-/// cells only, with their flux scaled by the On cells' share of the light, so that estimates stay unbiased.
+/// Which directions, seen from each light, hold surfaces [Jensen 1996, 3.1; Jensen 2001, 5.2.3]: photons are
+/// emitted through On cells only, with their flux scaled by the On cells' share of the light, so that
+/// estimates stay unbiased.
 ///
-/// Cells are squares of the random numbers that choose a ray, so that all cells of a light hold the same flux:
+/// Cells are squares of the random numbers that choose a ray, so that all cells of a light hold the same
+/// flux:
 ///   point and spot lights     of the direction
-///   area lights               of the direction, the same for all points of one side: as seen from the ball around the light
-///   directional lights        of the place on the disc outside the scene
-///   environment               likewise, by groups of similar directions
-/// A cell is On when any ray through it can meet a ball; it may be On without need, and is never Off where a surface can be hit.
+///   area lights               of the direction, the same for all points of one side: as seen from the ball
+///   around the light directional lights        of the place on the disc outside the scene environment
+///   likewise, by groups of similar directions
+/// A cell is On when any ray through it can meet a ball; it may be On without need, and is never Off where a
+/// surface can be hit.
 class ProjectionMap {
  public:
   /// What cells must hold to be On: any surface, or one that can start a caustic.
@@ -62,7 +65,8 @@ class ProjectionMap {
     Lights::EmissionPicked picked;
     bool on = true;
   };
-  [[nodiscard]] std::optional<Probe> probe(float u_pick, const Vec2f& u_position, const Vec2f& u_direction) const;
+  [[nodiscard]] std::optional<Probe> probe(float u_pick, const Vec2f& u_position,
+                                           const Vec2f& u_direction) const;
   /// Share of all emitted photons that On cells hold.
   [[nodiscard]] double on_share() const { return on_share_; }
   /// Worth using: without it enough photons would be lost.
@@ -78,9 +82,9 @@ class ProjectionMap {
   /// On cells of one light: of one side of an area light, of one group of the environment's directions.
   struct View {
     std::uint32_t edge = kEdge;
-    std::vector<std::uint32_t> on;     ///< ascending
+    std::vector<std::uint32_t> on;  ///< ascending
     bool distant = false;
-    Vec3f tangent{1, 0, 0};            ///< distant: the disc's first axis lies as near to this as it can
+    Vec3f tangent{1, 0, 0};  ///< distant: the disc's first axis lies as near to this as it can
 
     [[nodiscard]] double share() const { return static_cast<double>(on.size()) / (edge * edge); }
     [[nodiscard]] bool is_on(const Vec2f& u) const;
@@ -88,8 +92,8 @@ class ProjectionMap {
     [[nodiscard]] Vec2f within(const Vec2f& u) const;
     void set(std::uint32_t cells_along, const std::vector<std::uint8_t>& mask);
   };
-  /// What a cell or group bounds: all lies within `radius` of `center` (radians on the sphere of directions; parts of the radius
-  /// of the disc).
+  /// What a cell or group bounds: all lies within `radius` of `center` (radians on the sphere of directions;
+  /// parts of the radius of the disc).
   struct Bound {
     Vec3f center;
     float radius;
@@ -97,7 +101,8 @@ class ProjectionMap {
 
   void find_views(std::uint32_t first, std::uint32_t last, std::span<const SurfaceBall> balls);
   void add_view(float u_pick, std::span<const SurfaceBall> balls);
-  [[nodiscard]] View near_view(float u_pick, const Vec3f& center, float radius, std::span<const SurfaceBall> balls) const;
+  [[nodiscard]] View near_view(float u_pick, const Vec3f& center, float radius,
+                               std::span<const SurfaceBall> balls) const;
   [[nodiscard]] View distant_view(const Bound& directions, std::span<const SurfaceBall> balls) const;
   [[nodiscard]] double measure_on_share() const;
   /// Which view an emission goes through.

@@ -23,7 +23,8 @@ JobSpec gather_job(int width, int height, double error) {
 }
 
 /// Marks per pixel and rays of a picture of one sample a pixel.
-std::pair<std::vector<std::int64_t>, std::uint64_t> marks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes = 1) {
+std::pair<std::vector<std::int64_t>, std::uint64_t> marks_of(const Scene& scene, const JobSpec& spec,
+                                                             std::uint64_t passes = 1) {
   const Film film = render(scene, spec, passes);
   std::vector<std::int64_t> marks;
   for (const ExtraSums& extra : film.sums().extras) marks.push_back(extra.marks);
@@ -76,8 +77,8 @@ TEST(FinalGather, InterpolationSavesRaysAtNoGreaterError) {
   spec.final_gather.rays = 128;
   const std::vector<Rgb> reference = layer_of(render(*scene, spec, kPasses), "indirect");
   struct Gathered {
-    double error;          ///< relMSE of the indirect light
-    std::uint64_t rays;    ///< eye rays, and those that trace photons and precompute irradiance, included
+    double error;        ///< relMSE of the indirect light
+    std::uint64_t rays;  ///< eye rays, and those that trace photons and precompute irradiance, included
   };
   const auto gathered = [&](int rays, double error) {
     spec.final_gather.rays = rays;
@@ -86,7 +87,8 @@ TEST(FinalGather, InterpolationSavesRaysAtNoGreaterError) {
     const std::vector<Rgb> image = layer_of(film, "indirect");
     double sum = 0.0;
     for (std::size_t i = 0; i < image.size(); ++i) {
-      const double d = static_cast<double>(luminance(image[i] - reference[i])), r = static_cast<double>(luminance(reference[i]));
+      const double d = static_cast<double>(luminance(image[i] - reference[i])),
+                   r = static_cast<double>(luminance(reference[i]));
       sum += d * d / (r * r + 0.01);
     }
     return Gathered{sum / static_cast<double>(image.size()), film.sums().rays};
@@ -105,7 +107,8 @@ TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
     std::vector<PixelSums> first;
     std::vector<ExtraSums> first_extras;
     for (const int threads : {1, 2, 5}) {
-      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(threads));
       tbb::task_arena arena(threads);
       arena.execute([&] {
         const auto integrator = make_integrator(*scene, spec);
@@ -113,7 +116,8 @@ TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
         Statistics sums(options.width, options.height, true, true);
         const std::uint64_t units = PassOrder(options).sub_passes(2);
         // Backwards with five threads.
-        for (std::uint64_t u = 0; u < units; ++u) integrator->run({threads == 5 ? units - 1 - u : u, 1}, {}, sums);
+        for (std::uint64_t u = 0; u < units; ++u)
+          integrator->run({threads == 5 ? units - 1 - u : u, 1}, {}, sums);
         EXPECT_EQ(sums.faults.not_finite + sums.faults.overflow, 0u);
         if (first.empty()) {
           first = sums.pixels;
@@ -132,7 +136,8 @@ TEST(PhotonMapIntegrator, GivesTheSameBitsOnAnyNumberOfThreads) {
   spec.integrator.type = IntegratorType::kPhotonMap;
   std::vector<PixelSums> first;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     arena.execute([&] {
       const Film film = render(*scene, spec, 2);

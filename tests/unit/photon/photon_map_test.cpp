@@ -41,7 +41,8 @@ PhotonMap map_of(const PhotonArrays& photons) {
 
 NearestQuery some_query(PathRng& rng, int i) {
   NearestQuery q;
-  q.position = Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} * (i % 2 == 0 ? 1.0f : 0.02f);
+  q.position = Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} *
+               (i % 2 == 0 ? 1.0f : 0.02f);
   if (i % 9 == 0) q.position = {0.25f, 0.0f, 0.25f};
   const float radius = i % 4 == 0 ? 0.01f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? kInfinity : 0.05f;
   q.max_distance2 = radius * radius;
@@ -76,11 +77,13 @@ TEST_P(PhotonMapOfSize, FindsExactlyTheNearestThatBruteForceFinds) {
     }
     ASSERT_EQ(found.count, expected) << i;
     ASSERT_EQ(found.radius2, radius2) << i;
-    std::vector<float> distances(found.distance2.begin(), found.distance2.begin() + static_cast<std::ptrdiff_t>(expected));
+    std::vector<float> distances(found.distance2.begin(),
+                                 found.distance2.begin() + static_cast<std::ptrdiff_t>(expected));
     std::sort(distances.begin(), distances.end());
     all.resize(expected);
     ASSERT_EQ(distances, all) << i;
-    std::vector<std::uint32_t> indices(found.index.begin(), found.index.begin() + static_cast<std::ptrdiff_t>(expected));
+    std::vector<std::uint32_t> indices(found.index.begin(),
+                                       found.index.begin() + static_cast<std::ptrdiff_t>(expected));
     for (std::size_t p = 0; p < expected; ++p) ASSERT_EQ(map.distance2(q, indices[p]), found.distance2[p]);
     std::sort(indices.begin(), indices.end());
     ASSERT_EQ(std::unique(indices.begin(), indices.end()), indices.end());
@@ -104,7 +107,8 @@ TEST_P(PhotonMapOfSize, FindsTheNearestOne) {
 
 TEST_P(PhotonMapOfSize, IsLeftBalancedAndSortedByItsAxes) {
   const PhotonMap map = map_of(some_photons(GetParam()));
-  // Every node that has a number up to size() exists: the levels are full from the left. Ancestors split by their axis.
+  // Every node that has a number up to size() exists: the levels are full from the left. Ancestors split by
+  // their axis.
   for (std::uint32_t node = 2; node <= map.size(); ++node) {
     for (std::uint32_t child = node; child > 1; child /= 2) {
       const StoredPhoton& parent = map.photon(child / 2);
@@ -114,7 +118,8 @@ TEST_P(PhotonMapOfSize, IsLeftBalancedAndSortedByItsAxes) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Sizes, PhotonMapOfSize, testing::Values(0, 1, 2, 3, 7, 8, 14, 15, 16, 31, 64, 100, 1000, 4097, 9000));
+INSTANTIATE_TEST_SUITE_P(Sizes, PhotonMapOfSize,
+                         testing::Values(0, 1, 2, 3, 7, 8, 14, 15, 16, 31, 64, 100, 1000, 4097, 9000));
 
 TEST(PhotonMap, TakesTwentyBytesAPhoton) {
   const PhotonMap map = map_of(some_photons(1000));
@@ -126,12 +131,14 @@ TEST(PhotonMap, HasTheSameBytesOnAnyNumberOfThreads) {
   const PhotonArrays photons = some_photons(50000);
   std::vector<StoredPhoton> first;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     const PhotonMap map = arena.execute([&] { return map_of(photons); });
     if (first.empty()) first.assign(map.photons().begin(), map.photons().end());
     ASSERT_EQ(first.size(), map.size());
-    EXPECT_EQ(std::memcmp(first.data(), map.photons().data(), first.size() * sizeof(StoredPhoton)), 0) << threads;
+    EXPECT_EQ(std::memcmp(first.data(), map.photons().data(), first.size() * sizeof(StoredPhoton)), 0)
+        << threads;
   }
 }
 
