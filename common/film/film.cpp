@@ -107,6 +107,7 @@ Film::PixelEstimate Film::estimate(std::size_t pixel) const {
   e.direct = scaled(first.direct, options_.scale.radiance / n);
   if (has_specular_layer(options_.extra)) e.specular = scaled(sums_.extras[pixel].rgb, options_.scale.radiance / n);
   double sampled = luminance(e.direct) + luminance(e.specular);  // what the squares are of
+  std::array<double, kFlows> deviation{};  // of the photons' light
   for (std::size_t point = pixel * points; point < (pixel + 1) * points; ++point) {
     const PixelSums& sums = sums_.pixels[point];
     for (const Flow flow : {kCaustic, kIndirect}) {
@@ -122,11 +123,13 @@ Film::PixelEstimate Film::estimate(std::size_t pixel) const {
       e.photons[flow] += found;
       if (point == pixel * points) e.radius[flow] = std::sqrt(state.radius2);
       if (!progressive) sampled += l;
-      // Photons arrive as a Poisson process: N of them leave a relative variance of 1/N.
-      else if (found > 0) e.variance += l * l / found;
+      // Photons arrive as a Poisson process: N of them leave a relative variance of 1/N. Hit points of a pixel find much the same
+      // photons, so their deviations add up.
+      else if (found > 0) deviation[flow] += l / std::sqrt(static_cast<double>(found));
       if (options_.extra == Extra::kBias) e.bias += closed_bias(point, flow) * factor;
     }
   }
+  for (const double d : deviation) e.variance += d * d;
   if (n >= 2) e.variance += std::max(0.0, static_cast<double>(first.square) * options_.scale.square / n - sampled * sampled) / (n - 1);
   return e;
 }
