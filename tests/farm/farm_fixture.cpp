@@ -27,11 +27,13 @@ fs::path find_server() {
 }  // namespace
 
 std::vector<std::string> TestJob::settings() const {
-  return {fmt::format("job.name={}", name),           fmt::format("job.priority={}", priority),
+  std::vector<std::string> all = {fmt::format("job.name={}", name),           fmt::format("job.priority={}", priority),
           "image.width=48",                           "image.height=48",
           fmt::format("integrator.photons={}", photons), fmt::format("integrator.type={}", type),
           fmt::format("integrator.mode={}", mode),    fmt::format("stop.passes={}", passes),
           fmt::format("checkpoint.seconds={}", checkpoint_seconds)};
+  all.insert(all.end(), more.begin(), more.end());
+  return all;
 }
 
 void FarmFaults::SetUp() {

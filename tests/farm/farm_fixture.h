@@ -31,6 +31,7 @@ struct TestJob {
   int priority = 50;
   std::string type = "sppm", mode = "shared";
   double checkpoint_seconds = 0.5;
+  std::vector<std::string> more;  ///< further settings
 
   /// As arguments of --set for jobs/peer-box.toml.
   [[nodiscard]] std::vector<std::string> settings() const;

@@ -1,7 +1,9 @@
 #include "worker/integrators/factory.h"
 
+#include "worker/integrators/final_gather.h"
 #include "worker/integrators/irradiance_cache.h"
 #include "worker/integrators/path.h"
+#include "worker/integrators/photon_map.h"
 #include "worker/integrators/photon_splat.h"
 #include "worker/integrators/ppm.h"
 #include "worker/integrators/sppm.h"
@@ -13,6 +15,10 @@ std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Sce
   switch (type) {
     case IntegratorType::kPath:
       return std::make_unique<PathIntegrator>(scene, camera, spec);
+    case IntegratorType::kPhotonMap:
+      return std::make_unique<PhotonMapIntegrator>(scene, camera, spec);
+    case IntegratorType::kFinalGather:
+      return std::make_unique<FinalGatherIntegrator>(scene, camera, spec);
     case IntegratorType::kIrradianceCache:
       return std::make_unique<IrradianceCacheIntegrator>(scene, camera, spec);
     case IntegratorType::kPhotonSplat:

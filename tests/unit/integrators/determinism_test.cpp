@@ -18,6 +18,9 @@ namespace {
 JobSpec small(IntegratorType type, ProgressiveMode mode = ProgressiveMode::kShared) {
   JobSpec spec = job(40, 24, type, 20000);
   spec.integrator.mode = mode;
+  spec.photon_map.caustic_photons = 20000;
+  spec.final_gather.rays = 32;
+  spec.irradiance_cache.rays = 32;
   return spec;
 }
 
@@ -102,7 +105,11 @@ INSTANTIATE_TEST_SUITE_P(Algorithms, Determinism,
                                          std::pair{IntegratorType::kSppm, ProgressiveMode::kShared},
                                          std::pair{IntegratorType::kSppm, ProgressiveMode::kIndependent},
                                          std::pair{IntegratorType::kPpm, ProgressiveMode::kShared},
-                                         std::pair{IntegratorType::kPpm, ProgressiveMode::kIndependent}),
+                                         std::pair{IntegratorType::kPpm, ProgressiveMode::kIndependent},
+                                         std::pair{IntegratorType::kPhotonMap, ProgressiveMode::kShared},
+                                         std::pair{IntegratorType::kFinalGather, ProgressiveMode::kShared},
+                                         std::pair{IntegratorType::kIrradianceCache, ProgressiveMode::kShared},
+                                         std::pair{IntegratorType::kPhotonSplat, ProgressiveMode::kShared}),
                          [](const auto& param) {
                            return fmt::format("{}_{}", to_string(param.param.first), to_string(param.param.second));
                          });
