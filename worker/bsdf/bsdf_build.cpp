@@ -6,6 +6,7 @@
 #include "worker/bsdf/charlie.h"
 #include "worker/bsdf/fresnel.h"
 #include "worker/bsdf/lambert.h"
+#include "worker/bsdf/smooth.h"
 
 namespace pf {
 namespace {
@@ -18,30 +19,11 @@ constexpr float kEqualIndices = 1e-3f;
 float saturate(float x) { return x > 0.0f ? std::min(x, 1.0f) : 0.0f; }
 Rgb saturate(const Rgb& c) { return {saturate(c.x), saturate(c.y), saturate(c.z)}; }
 
-/// Turns `n` so that the mirror image of wo leaves the surface: the reflected ray is lifted, and the normal
-/// is then halfway between it and wo [Keller et al. 2017, "The Iray Light Transport Simulation and Rendering
-/// System"].
-Vec3f turn_to_mirror_outwards(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, float limit) {
-  const Vec3f mirrored = n * (2.0f * dot(wo, n)) - wo;
-  const float height = dot(mirrored, ng);
-  if (height >= limit) return n;
-  const Vec3f sum = wo + normalize(mirrored + ng * (limit - height));
-  return length2(sum) > 1e-6f ? normalize(sum) : ng;  // shorter: only rounding is left of it
-}
-
-/// The frame that light is mirrored in at a point whose visible normal is that of `shading`.
-Frame mirror_frame(const Frame& shading, const Vec3f& ng, const Vec3f& wo) {
-  if (shading.n == ng) return shading;
-  const Vec3f turned = turn_to_mirror_outwards(shading.n, ng, wo, view_limit(ng, wo));
-  if (turned == shading.n) return shading;
-  return Frame::from_normal(dot(turned, wo) > 0.0f ? turned : ng);
-}
-
 /// Refractive index of the material over that outside; infinite for ior = 0 and where no float formula would
 /// tell it from infinite.
-float relative_index(const SurfaceParams& p) {
+float relative_index(const SurfaceParams& p, float eta_outside) {
   constexpr float kMost = 1000.0f;
-  const float outside = p.eta_outside > 0.0f && std::isfinite(p.eta_outside) ? p.eta_outside : 1.0f;
+  const float outside = eta_outside > 0.0f && std::isfinite(eta_outside) ? eta_outside : 1.0f;
   const float index = p.ior / outside;
   return p.ior > 0.0f && index < kMost ? std::max(index, 1.0f / kMost) : kInfinity;
 }
@@ -55,7 +37,43 @@ bool is_bare(const SurfaceParams& p) {
 
 /// Only Lambert: bare, and nothing that reflects specularly.
 bool is_pure_lambert(const SurfaceParams& p) {
-  return is_bare(p) && (!(p.specular > 0.0f) || indices_equal(relative_index(p)));
+  return is_bare(p) && (!(p.specular > 0.0f) || indices_equal(relative_index(p, p.eta_outside)));
+}
+
+/// What the base material is made of: portions of its parts, and the index that they share.
+struct Base {
+  Rgb color;
+  float metal, transmission, opaque;  ///< sum: 1
+  float index;                        ///< over that outside
+  bool equal;                         ///< to that outside: nothing is reflected or bent
+  float specular;
+
+  Base(const SurfaceParams& p, float eta_outside)
+      : color(saturate(p.base_color)),
+        metal(saturate(p.metallic)),
+        transmission((1.0f - metal) * saturate(p.transmission)),
+        opaque((1.0f - metal) * (1.0f - saturate(p.transmission))),
+        index(relative_index(p, eta_outside)),
+        equal(indices_equal(index)),
+        specular(equal ? 0.0f : saturate(p.specular)) {}
+};
+
+Interface make_interface(const SurfaceParams& p, const Base& base, bool front) {
+  Interface i;
+  i.roughness = saturate(p.roughness);
+  i.alpha = alpha_from_roughness(i.roughness);
+  i.exact_f0 = dielectric_f0(base.index);
+  i.dielectric_f90 = base.specular;
+  i.dielectric_f0 = saturate(p.specular_color * i.exact_f0) * base.specular;
+  i.f0 = base.color * base.metal + i.dielectric_f0 * base.opaque;
+  i.f90 = base.metal + base.specular * base.opaque;
+  i.tint = base.color;
+  i.transmission = base.equal ? 0.0f : base.transmission;
+  i.through = i.transmission == 0.0f ? Interface::Through::kNothing
+              : p.thin_walled        ? Interface::Through::kThin
+                                     : Interface::Through::kRefract;
+  i.eta = p.thin_walled || front || std::isinf(base.index) ? base.index : 1.0f / base.index;
+  return i;
 }
 
 }  // namespace
@@ -63,6 +81,22 @@ bool is_pure_lambert(const SurfaceParams& p) {
 std::optional<Rgb> plain_lambert_albedo(const SurfaceParams& p) {
   if (!p.scatters || p.specular > 0.0f || !is_bare(p)) return std::nullopt;
   return saturate(p.base_color);
+}
+
+std::optional<SmoothMaterial> SmoothMaterial::of(const SurfaceParams& p) {
+  const Base base(p, 1.0f);
+  const bool layered = p.clearcoat > 0.0f || max_component(saturate(p.sheen_color)) > 0.0f;
+  const bool matte = !is_zero(base.color * base.opaque) || is_bare(p);
+  if (!p.scatters || layered || matte || alpha_from_roughness(saturate(p.roughness)) != 0.0f) return std::nullopt;
+  return SmoothMaterial(p);
+}
+
+SmoothMaterial::SmoothMaterial(const SurfaceParams& p) : params_(p), front_(make(1.0f, true)), back_(make(1.0f, false)) {}
+
+std::optional<Interface> SmoothMaterial::make(float eta_outside, bool front) const {
+  const Base base(params_, eta_outside);
+  if (base.equal && base.transmission > 0.0f) return std::nullopt;
+  return make_interface(params_, base, front);
 }
 
 Bsdf::Bsdf(const SurfaceParams& p, const Vec3f& wo) : wo_(wo) {
@@ -117,40 +151,21 @@ void Bsdf::build_layers(const SurfaceParams& p, const Vec3f& wo) {
 
 void Bsdf::build_base(const SurfaceParams& p) {
   Layers& l = layers_;
-  Interface& i = l.interface;
-  const Rgb base = saturate(p.base_color);
-  const float metal = saturate(p.metallic);
-  const float transmission = (1.0f - metal) * saturate(p.transmission);
-  const float opaque = (1.0f - metal) * (1.0f - saturate(p.transmission));
-  const float index = relative_index(p);
-  const bool equal = indices_equal(index);
-  const float specular = equal ? 0.0f : saturate(p.specular);
+  const Base base(p, p.eta_outside);
+  l.interface = make_interface(p, base, front_);
+  const Interface& i = l.interface;
+  l.straight = base.equal ? base.color * base.transmission : Rgb(0.0f);
 
-  i.roughness = saturate(p.roughness);
-  i.alpha = alpha_from_roughness(i.roughness);
-  i.exact_f0 = dielectric_f0(index);
-  i.dielectric_f90 = specular;
-  i.dielectric_f0 = saturate(p.specular_color * i.exact_f0) * specular;
-  i.f0 = base * metal + i.dielectric_f0 * opaque;
-  i.f90 = metal + specular * opaque;
-  i.tint = base;
-  i.transmission = equal ? 0.0f : transmission;
-  i.through = i.transmission == 0.0f ? Interface::Through::kNothing
-              : p.thin_walled        ? Interface::Through::kThin
-                                     : Interface::Through::kRefract;
-  i.eta = p.thin_walled || front_ || std::isinf(index) ? index : 1.0f / index;
-  l.straight = equal ? base * transmission : Rgb(0.0f);
-
-  l.diffuse = base * (opaque * kInvPi);
-  l.albedo[kDiffuse] = base * opaque;
+  l.diffuse = base.color * (base.opaque * kInvPi);
+  l.albedo[kDiffuse] = base.color * base.opaque;
   l.diffuse_f0 = max_component(i.dielectric_f0);
-  l.diffuse_f90 = specular;
-  if (specular > 0.0f && opaque > 0.0f) {
+  l.diffuse_f90 = base.specular;
+  if (base.specular > 0.0f && base.opaque > 0.0f) {
     const float f0 = l.diffuse_f0;
     // The hemispherical mean of Schlick's weight is 1/21.
-    const float mean = i.is_delta() ? f0 + (specular - f0) / 21.0f
+    const float mean = i.is_delta() ? f0 + (base.specular - f0) / 21.0f
                                     : f0 * GgxAlbedo::get().f0.mean(i.roughness) +
-                                          specular * GgxAlbedo::get().f90.mean(i.roughness);
+                                          base.specular * GgxAlbedo::get().f90.mean(i.roughness);
     const float passed = std::max(0.0f, 1.0f - diffuse_boundary_albedo(l.wo.z));
     l.albedo[kDiffuse] *= passed;
     // A boundary that reflects everything leaves nothing below, and no quotient to take.

@@ -104,7 +104,11 @@ std::optional<Interface::Sample> Interface::sample(const Vec3f& wo, float u_choi
   const Vec3f h = is_delta() ? Vec3f(0.0f, 0.0f, 1.0f) : Ggx{alpha}.sample(wo, u);
   const float c = std::min(dot(wo, h), 1.0f);
   if (c <= 0.0f) return std::nullopt;
-  const Split s = split(c);
+  return sample_about(h, wo, c, split(c), u_choice);
+}
+
+std::optional<Interface::Sample> Interface::sample_about(const Vec3f& h, const Vec3f& wo, float c, const Split& s,
+                                                         float u_choice) const {
   const float r = average(s.reflected), t = average(s.transmitted);
   if (!(r + t > 0.0f)) return std::nullopt;
   const Vec3f mirrored = h * (2.0f * c) - wo;

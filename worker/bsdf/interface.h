@@ -66,6 +66,9 @@ struct Interface {
   };
   /// Draws a microfacet by `u`, then reflection or transmission by `u_choice` in proportion to split().
   [[nodiscard]] std::optional<Sample> sample(const Vec3f& wo, float u_choice, const Vec2f& u) const;
+  /// The same about a given microfacet `h` that wo meets at angle `cosine` > 0, with `s` = split(cosine).
+  [[nodiscard]] std::optional<Sample> sample_about(const Vec3f& h, const Vec3f& wo, float cosine, const Split& s,
+                                                   float u_choice) const;
 
   /// Approximate directional albedo, seen from `cosine`.
   [[nodiscard]] Rgb albedo(float cosine) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/math/frame.h"
 #include "common/math/vec.h"
 
 namespace pf {
@@ -30,6 +31,25 @@ inline constexpr float kMinNormalTurn = 0.01f;
   if (turned == ng || !is_unit(n) || !(dot(turned, ng) > 0.0f)) return ng;
   const Vec3f visible = turn_into_view(turned, wo, view_limit(ng, wo));
   return dot(visible, wo) > 0.0f ? visible : ng;
+}
+
+/// Turns `n` so that the mirror image of wo leaves the surface: the reflected ray is lifted, and the normal
+/// is then halfway between it and wo [Keller et al. 2017, "The Iray Light Transport Simulation and Rendering
+/// System"].
+[[nodiscard]] inline Vec3f turn_to_mirror_outwards(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, float limit) {
+  const Vec3f mirrored = n * (2.0f * dot(wo, n)) - wo;
+  const float height = dot(mirrored, ng);
+  if (height >= limit) return n;
+  const Vec3f sum = wo + normalize(mirrored + ng * (limit - height));
+  return length2(sum) > 1e-6f ? normalize(sum) : ng;  // shorter: only rounding is left of it
+}
+
+/// The frame that light is mirrored in at a point whose visible normal is that of `shading`.
+[[nodiscard]] inline Frame mirror_frame(const Frame& shading, const Vec3f& ng, const Vec3f& wo) {
+  if (shading.n == ng) return shading;
+  const Vec3f turned = turn_to_mirror_outwards(shading.n, ng, wo, view_limit(ng, wo));
+  if (turned == shading.n) return shading;
+  return Frame::from_normal(dot(turned, wo) > 0.0f ? turned : ng);
 }
 
 }  // namespace pf

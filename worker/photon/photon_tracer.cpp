@@ -119,7 +119,9 @@ bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part
   if (!walk.media.empty())
     walk.flux *= walk.media.transmittance(scene_, length(point.position - walk.position));
   const Rgb* albedo = scene_.plain_lambert(point.material);
-  return albedo != nullptr ? scatter_lambert(walk, point, *albedo, ray, part) : scatter_any(walk, point, ray, part);
+  if (albedo != nullptr) return scatter_lambert(walk, point, *albedo, ray, part);
+  const SmoothMaterial* smooth = scene_.smooth_material(point.material);
+  return smooth != nullptr ? scatter_smooth(walk, point, *smooth, ray, part) : scatter_any(walk, point, ray, part);
 }
 
 bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const {
@@ -139,6 +141,22 @@ bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, 
     if (options_.caustics_only) return false;
   }
   if (!walk.survives(sample->weight)) return false;
+  if (sample->refracted) walk.media.cross(point.material, entering);
+  return walk.follow(point, sample->wi, options_.max_depth, ray);
+}
+
+/// The same as scatter_any(), number for number, for mirrors and clear glass: nothing is stored there.
+bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, Ray& ray,
+                                  Part& part) const {
+  const Vec3f wo = -ray.direction;
+  const bool entering = dot(wo, point.ng) > 0.0f;
+  std::optional<Interface> room;
+  const Interface* boundary = material.boundary(walk.media.eta_outside(scene_, point.material, entering), entering, room);
+  if (boundary == nullptr) return scatter_any(walk, point, ray, part);
+  const float u_lobe = walk.rng.next1();
+  static_cast<void>(walk.rng.next2());  // the choice of a microfacet
+  const auto sample = SmoothSurface(*boundary, material.thin(), point.ng, point.ns, wo).sample_flux(u_lobe);
+  if (!sample || !walk.survives(sample->weight)) return false;
   if (sample->refracted) walk.media.cross(point.material, entering);
   return walk.follow(point, sample->wi, options_.max_depth, ray);
 }

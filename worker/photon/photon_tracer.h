@@ -59,6 +59,7 @@ class PhotonTracer {
   /// there.
   bool scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
   bool scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
+  bool scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, Ray& ray, Part& part) const;
   bool scatter_lambert(Walk& walk, const SurfacePoint& point, const Rgb& albedo, Ray& ray, Part& part) const;
   void store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns, Part& part) const;
 

@@ -173,12 +173,11 @@ bool AreaLight::faces(const Vec3f& p) const {
 
 AreaLight::Point AreaLight::point_at(float s, float t) const {
   const bool second = count_ == 2 && s + t > 1.0f;
-  const float along_u = second ? 1.0f - s : s;
-  const float along_v = second ? 1.0f - t : t;
+  const float along_u = choose(second, 1.0f - s, s);
+  const float along_v = choose(second, 1.0f - t, t);
   const std::array<float, 3> weights = {1.0f - along_u - along_v, along_u, along_v};
-  const Roles& roles = roles_[second ? 1 : 0];
-  return {origin_ + edge_u_ * s + edge_v_ * t, triangles_[second ? 1 : 0],
-          Vec2f(weights[roles.second], weights[roles.third])};
+  const Roles& roles = roles_[second];
+  return {origin_ + edge_u_ * s + edge_v_ * t, triangles_[second], Vec2f(weights[roles.second], weights[roles.third])};
 }
 
 AreaLight::Point AreaLight::sample_uniform(const Vec2f& u) const {

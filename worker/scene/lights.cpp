@@ -104,20 +104,21 @@ void Lights::build_tree() {
 
 void Lights::build_emission() {
   const float disc = kPi * radius_ * radius_;
-  for (const AreaLight& light : area_lights_) emission_flux_.push_back(light.flux());
+  for (const AreaLight& light : area_lights_) picked_flux_.push_back(light.flux());
   for (const PunctualLight& light : punctual_) {
     const bool distant = light.kind == PunctualKind::kDirectional;
-    emission_flux_.push_back(distant ? light.intensity * disc : punctual_flux(light));
+    picked_flux_.push_back(distant ? light.intensity * disc : punctual_flux(light));
   }
-  if (environment_ != nullptr) emission_flux_.push_back(environment_->total() * disc);
+  if (environment_ != nullptr) picked_flux_.push_back(environment_->total() * disc);
   std::vector<float> weights;
   Imath::V3d total(0.0);
-  for (const Rgb& flux : emission_flux_) {
+  for (const Rgb& flux : picked_flux_) {
     weights.push_back(average(flux));
     total += Imath::V3d(flux);
   }
   total_flux_ = Rgb(total);
   emission_ = Distribution1D(weights);
+  for (std::size_t i = 0; i < picked_flux_.size(); ++i) picked_flux_[i] /= emission_.probability(i);
 }
 
 bool Lights::empty() const { return tree_.empty() && directional_.empty() && environment_ == nullptr; }
@@ -253,9 +254,11 @@ float Lights::pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissiv
 
 std::optional<Lights::EmissionPicked> Lights::emit(float u_pick, const Vec2f& u_position,
                                                    const Vec2f& u_direction) const {
-  const auto pick = emission_.sample(u_pick);
+  // With one light there is nothing to choose.
+  const auto pick = emission_.size() == 1 && emission_.total() > 0.0 ? std::optional(Distribution1D::Pick{0, 1.0f, u_pick})
+                                                                     : emission_.sample(u_pick);
   if (!pick) return std::nullopt;
-  const Rgb flux = emission_flux_[pick->index] / pick->probability;
+  const Rgb& flux = picked_flux_[pick->index];
   const std::size_t areas = area_lights_.size();
   if (pick->index < areas) {
     EmissionPicked picked = emit_area(pick->index, pick->u, u_position, u_direction);

@@ -113,7 +113,7 @@ class Lights {
   std::vector<std::uint32_t> directional_;
   LightTree tree_;
   Distribution1D emission_;  ///< area lights, punctual lights, environment; by flux
-  std::vector<Rgb> emission_flux_;
+  std::vector<Rgb> picked_flux_;  ///< of each of them: its flux over the probability of choosing it [W]
   Vec3f center_{0, 0, 0};  ///< sphere around the scene
   float radius_ = 0;
 };

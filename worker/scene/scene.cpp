@@ -6,6 +6,7 @@
 
 #include "common/math/offset.h"
 #include "common/math/owen_sobol.h"
+#include "common/math/sampling.h"
 #include "worker/scene/embree_scene.h"
 
 namespace pf {
@@ -71,7 +72,7 @@ SurfacePoint Scene::point_on(const Placement& placed, const Triangles& triangles
     Vec3f n = interpolate(n0, n1, n2, hit.b1, hit.b2);
     if (placed.instanced) placed.normal_to_world.multDirMatrix(n, n);
     const float squared = length2(n);
-    if (squared > 0.0f) ns = n * ((dot(n, ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared));
+    if (squared > 0.0f) ns = n * (choose(dot(n, ng) < 0.0f, -1.0f, 1.0f) / std::sqrt(squared));
   }
   const auto& [p0, p1, p2] = triangle->corners;
   return {.position = interpolate(p0, p1, p2, hit.b1, hit.b2),
@@ -105,24 +106,26 @@ void Scene::intersect(std::span<const Ray> rays, std::span<std::optional<Surface
     std::uint32_t placement;
   };
   std::array<Met, Embree::kPacket> met;
+  std::array<std::size_t, Embree::kPacket> lanes;
   for (std::size_t first = 0; first < rays.size(); first += Embree::kPacket) {
     const std::size_t count = std::min(Embree::kPacket, rays.size() - first);
     const RTCRayHit8 packet = embree_->intersect(rays.subspan(first, count));
+    std::size_t hits = 0;  // counted without branches: which rays leave the scene is chance
     for (std::size_t i = 0; i < count; ++i) {
-      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-      const std::uint32_t placement = Embree::placement_of(packet.hit, i);
-      const Placement& placed = placements_[placement];
-      met[i] = {&placed, &triangles_[placed.mesh], placement};
-      met[i].triangles->prefetch(packet.hit.primID[i]);
+      points[first + i].reset();
+      lanes[hits] = i;
+      hits += packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID ? 1 : 0;
     }
-    for (std::size_t i = 0; i < count; ++i) {
-      std::optional<SurfacePoint>& point = points[first + i];
-      if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) {
-        point.reset();
-        continue;
-      }
-      point = point_on(*met[i].placed, *met[i].triangles,
-                       {packet.ray.tfar[i], packet.hit.u[i], packet.hit.v[i], met[i].placement, packet.hit.primID[i]});
+    for (std::size_t k = 0; k < hits; ++k) {
+      const std::uint32_t placement = Embree::placement_of(packet.hit, lanes[k]);
+      const Placement& placed = placements_[placement];
+      met[k] = {&placed, &triangles_[placed.mesh], placement};
+      met[k].triangles->prefetch(packet.hit.primID[lanes[k]]);
+    }
+    for (std::size_t k = 0; k < hits; ++k) {
+      const std::size_t i = lanes[k];
+      const Hit hit{packet.ray.tfar[i], packet.hit.u[i], packet.hit.v[i], met[k].placement, packet.hit.primID[i]};
+      points[first + i] = point_on(*met[k].placed, *met[k].triangles, hit);
     }
   }
 }

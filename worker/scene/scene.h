@@ -12,6 +12,7 @@
 #include "common/math/offset.h"
 #include "common/math/vec.h"
 #include "worker/bsdf/bsdf.h"
+#include "worker/bsdf/smooth.h"
 #include "worker/scene/camera_rays.h"
 #include "worker/scene/environment.h"
 #include "worker/scene/lights.h"
@@ -82,6 +83,10 @@ class Scene {
   [[nodiscard]] const Rgb* plain_lambert(int material) const {
     return traits_[material].plain_lambert ? &traits_[material].lambert_albedo : nullptr;
   }
+  /// A material that only mirrors and refracts sharply wherever it is met, or null.
+  [[nodiscard]] const SmoothMaterial* smooth_material(int material) const {
+    return traits_[material].smooth ? &*traits_[material].smooth : nullptr;
+  }
   [[nodiscard]] bool emits(const SurfacePoint& point) const { return traits_[point.material].emissive; }
   /// Medium behind the front face of a material, or null for an opaque or thin-walled one.
   [[nodiscard]] const Medium* medium(int material) const {
@@ -127,6 +132,7 @@ class Scene {
     bool emission_varies = false;          ///< over a triangle: textured, or by vertex colours
     bool plain_lambert = false;
     Rgb lambert_albedo{0, 0, 0};           ///< of a plain Lambert reflector
+    std::optional<SmoothMaterial> smooth;
     Medium medium;
     SurfaceParams constant;                ///< parameters when nothing is textured
   };

@@ -219,6 +219,7 @@ void Scene::find_material_traits() {
       traits.plain_lambert = true;
       traits.lambert_albedo = *albedo;
     }
+    if (!traits.textured) traits.smooth = SmoothMaterial::of(p);
     traits_.push_back(traits);
   }
 }

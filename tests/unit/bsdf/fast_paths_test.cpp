@@ -1,0 +1,130 @@
+// The short cuts that photons take at the commonest surfaces give what Bsdf gives, number for number.
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "tests/unit/bsdf/materials.h"
+#include "worker/bsdf/lambert.h"
+#include "worker/bsdf/smooth.h"
+
+namespace pf::test {
+namespace {
+
+constexpr int kConfigurations = 100000;
+
+/// Often at the ends of [0,1].
+float any_portion(Random& random) {
+  const float choice = random.uniform();
+  return choice < 0.25f ? 0.0f : (choice < 0.5f ? 1.0f : random.uniform());
+}
+Rgb any_color(Random& random) {
+  const float x = any_portion(random), y = any_portion(random);
+  return {x, y, any_portion(random)};
+}
+
+/// Normals and a direction to look from, now and then nearly edge-on, with shading normals of any tilt.
+Vec3f place(Random& random, SurfaceParams& p) {
+  p.ng = random.sphere();
+  const float choice = random.uniform();
+  p.ns = choice < 0.3f ? p.ng : (choice < 0.4f ? random.sphere() : normalize(p.ng + random.sphere() * 0.5f));
+  const Vec3f wo = random.sphere();
+  if (random.uniform() > 0.1f) return wo;
+  return normalize(wo - p.ng * (dot(wo, p.ng) * (1.0f - 1e-4f * random.uniform())));
+}
+
+void expect_same(const std::optional<BsdfSample>& exact, const Vec3f& wi, const Rgb& weight) {
+  ASSERT_TRUE(exact);
+  EXPECT_EQ(exact->wi, wi);
+  EXPECT_EQ(exact->weight, weight);
+}
+
+TEST(FastPaths, ALambertSurfaceIsItsBsdfNumberForNumber) {
+  Random random(11);
+  int drawn = 0;
+  for (int k = 0; k < kConfigurations; ++k) {
+    SurfaceParams p = lambert(any_color(random));
+    const Vec3f wo = place(random, p);
+    const std::optional<Rgb> albedo = plain_lambert_albedo(p);
+    ASSERT_TRUE(albedo);
+    const Bsdf bsdf(p, wo);
+    const LambertSurface surface(p.ng, p.ns, wo);
+    ASSERT_EQ(bsdf.is_black(), !surface.seen() || is_zero(*albedo));
+    if (bsdf.is_black()) continue;
+    EXPECT_EQ(bsdf.ng(), surface.ng());
+    EXPECT_EQ(bsdf.ns(), surface.ns());
+    const float u_lobe = random.uniform();
+    const Vec2f u(random.uniform(), random.uniform());
+    const auto exact = bsdf.sample(wo, u_lobe, u, Transport::kFlux);
+    const LambertSample fast = surface.sample_flux(*albedo, u);
+    ASSERT_EQ(exact.has_value(), fast.valid);
+    if (!exact) continue;
+    expect_same(exact, fast.wi, fast.weight);
+    EXPECT_EQ(exact->pdf_w, fast.pdf_w);
+    ++drawn;
+  }
+  EXPECT_GT(drawn, kConfigurations / 2);
+}
+
+/// Any material of which nothing is matte.
+SurfaceParams any_smooth(Random& random) {
+  SurfaceParams p;
+  p.base_color = any_color(random);
+  p.metallic = any_portion(random);
+  p.transmission = p.metallic == 1.0f ? any_portion(random) : 1.0f;
+  p.roughness = random.uniform() < 0.7f ? 0.0f : 0.03f * random.uniform();
+  p.thin_walled = random.uniform() < 0.4f;
+  p.ior = random.uniform() < 0.05f ? 0.0f : 1.0f + any_portion(random);
+  p.eta_outside = random.uniform() < 0.6f ? 1.0f : 1.0f + random.uniform();
+  if (random.uniform() < 0.3f) p.specular = any_portion(random);
+  if (random.uniform() < 0.3f) p.specular_color = any_color(random) * 2.0f;
+  return p;
+}
+
+TEST(FastPaths, ASmoothSurfaceIsItsBsdfNumberForNumber) {
+  Random random(12);
+  int reflected = 0, refracted = 0, empty = 0;
+  for (int k = 0; k < kConfigurations; ++k) {
+    SurfaceParams p = any_smooth(random);
+    const Vec3f wo = place(random, p);
+    const auto material = SmoothMaterial::of(p);
+    ASSERT_TRUE(material);
+    std::optional<Interface> room;
+    const Interface* boundary = material->boundary(p.eta_outside, dot(wo, p.ng) > 0.0f, room);
+    if (boundary == nullptr) continue;  // equal indices
+    const Bsdf bsdf(p, wo);
+    EXPECT_TRUE(bsdf.is_black() || bsdf.is_delta_only());
+    const float u_lobe = random.uniform();
+    const auto exact = bsdf.sample(wo, u_lobe, {random.uniform(), random.uniform()}, Transport::kFlux);
+    const auto fast = SmoothSurface(*boundary, material->thin(), p.ng, p.ns, wo).sample_flux(u_lobe);
+    ASSERT_EQ(exact.has_value(), fast.has_value());
+    if (!fast) {
+      ++empty;
+      continue;
+    }
+    expect_same(exact, fast->wi, fast->weight);
+    EXPECT_EQ(exact->transmitted, fast->transmitted);
+    EXPECT_EQ(exact->refracted, fast->refracted);
+    EXPECT_EQ(exact->specularity, fast->specularity);
+    EXPECT_TRUE(exact->delta && fast->delta);
+    ++(fast->refracted ? refracted : reflected);
+  }
+  EXPECT_GT(reflected, kConfigurations / 4);
+  EXPECT_GT(refracted, kConfigurations / 10);
+  EXPECT_GT(empty, kConfigurations / 1000);
+}
+
+TEST(FastPaths, OnlyWhatIsNothingButSmoothIsASmoothMaterial) {
+  for (const auto& [name, params] : all_materials()) {
+    const auto smooth = SmoothMaterial::of(params);
+    const Bsdf bsdf(params, {0.0f, 0.0f, 1.0f});
+    const bool coated = params.clearcoat > 0.0f;
+    const bool equal = params.transmission > 0.0f && std::abs(params.ior - 1.0f) < 1e-3f;
+    EXPECT_EQ(smooth.has_value(), bsdf.is_delta_only() && !coated) << name;
+    if (!smooth) continue;
+    std::optional<Interface> room;
+    EXPECT_EQ(smooth->boundary(1.0f, true, room) == nullptr, equal) << name;
+  }
+}
+
+}  // namespace
+}  // namespace pf::test
