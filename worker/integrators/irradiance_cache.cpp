@@ -19,18 +19,31 @@ std::uint64_t stream_of(std::uint64_t pixel, std::uint64_t sample, const EyeWalk
   return (1ull << 47) | (((pixel << 19) ^ (sample << 3) ^ branch) & ((1ull << 47) - 1));
 }
 
+std::unique_ptr<const GatherRadiance> make_source(const Scene& scene, const JobSpec& spec, TileFigures& made) {
+  if (spec.irradiance_cache.source == GatherSource::kPath) return std::make_unique<PathGather>(scene, spec.integrator.max_depth);
+  auto source = std::make_unique<MapGather>(scene, spec);
+  made = source->figures();
+  return source;
+}
+
 }  // namespace
 
 IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec,
                                                      std::optional<std::vector<ScenePart>> parts)
     : SinglePassIntegrator(scene, camera, spec, Extra::kCacheRecords),
       seed_(spec.integrator.seed),
-      source_(std::make_unique<PathGather>(scene, spec.integrator.max_depth)),
+      source_(make_source(scene, spec, made_)),
       store_(spec, camera, std::move(parts)),
       builder_(scene, *source_, spec.irradiance_cache, store_.seed()),
       miss_grid_(HemisphereGrid::of_rays(std::max(kLeastMissRays, spec.irradiance_cache.rays / kMissShare))),
       cache_(scene.bounds(), static_cast<float>(spec.irradiance_cache.error)),
-      marks_(static_cast<std::size_t>(spec.image.width) * static_cast<std::size_t>(spec.image.height)) {
+      marks_(static_cast<std::size_t>(spec.image.width) * static_cast<std::size_t>(spec.image.height)),
+      covered_(scene_, eye_, max_depth_) {
+  const TracedPhotons photons(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
+  const PhotonArrays* flows[] = {&photons.batch.flows[kCaustic]};
+  caustics_ = MapEstimate(scene, flows, photons.flux_unit, caustic_options(spec));
+  made_.rays += photons.batch.rays;
+  made_.faults += photons.batch.faults;
   fill_cache();
 }
 
@@ -47,14 +60,16 @@ void IrradianceCacheIntegrator::fill_cache() {
   content = {};
 }
 
-void IrradianceCacheIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
-  SinglePassIntegrator::run(unit, state, sums);
-  if (unit.first_sub_pass > 0 || unit.sub_passes == 0) return;
-  sums.rays += figures().rays;
-  sums.faults += figures().faults;
+void IrradianceCacheIntegrator::prepare(const ImagePart& part) const {
+  if (!caustics_.empty()) covered_.find(part, caustics_.max_distance());
 }
 
 void IrradianceCacheIntegrator::render(const PixelTarget& target) const {
+  if (target.x == 0 && target.y == 0 && target.sample == 0) {
+    target.figures.rays += made_.rays + figures().rays;
+    target.figures.faults += made_.faults;
+    target.figures.faults += figures().faults;
+  }
   Sink sink(scene_, film_.scale, target, *this);
   EyePaths(scene_, eye_, max_depth_).follow(target.x, target.y, target.sample, sink);
   if (target.sample > 0) return;
@@ -75,6 +90,10 @@ Rgb IrradianceCacheIntegrator::irradiance(const Vertex& vertex, const EyeWalk& w
 void IrradianceCacheIntegrator::gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk,
                                        const Sink::Layers& to) const {
   const Bsdf& bsdf = vertex.bsdf;
+  if (!caustics_.empty()) {
+    const float covered = covered_.at(to.target.x, to.target.y);
+    to.add_flow(kCaustic, beta * caustics_.radiance(scene_, vertex, Portion::kGather, covered, u, to.target.figures));
+  }
   if (bsdf.gather_is_lambert()) {
     if (!is_zero(bsdf.lambert_f())) to.add_flow(kIndirect, beta * bsdf.lambert_f() * irradiance(vertex, walk, to.target));
     return;

@@ -9,6 +9,8 @@
 #include "worker/integrators/gather_rays.h"
 #include "worker/integrators/irradiance_builder.h"
 #include "worker/integrators/irradiance_store.h"
+#include "worker/integrators/map_estimate.h"
+#include "worker/integrators/photon_map.h"
 #include "worker/integrators/single_pass.h"
 #include "worker/photon/irradiance_cache.h"
 
@@ -19,8 +21,9 @@ namespace pf {
 /// Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection"; Ward and Heckbert 1992, "Irradiance
 /// Gradients"; Krivanek and Gautron 2009, "Practical Global Illumination with Irradiance Caching". Before the first sample an
 /// overture makes the records that the image will read (IrradianceBuilder); from then on the cache does not change. Light that
-/// arrives at a gather point is irradiance(record) times the Lambert lobe, for the diffuse gather portion of any surface; rough
-/// reflections follow gather rays of their own, one a sample. Direct light is sampled, caustics come from a photon map.
+/// arrives at a gather point is the cache's irradiance times the Lambert lobe, where the gather portion is one; rough reflections
+/// follow gather rays of their own, one a sample. Gather rays end in the global photon map or go on as paths. Direct light is
+/// sampled, caustics come from the caustic map.
 ///
 /// Bias: of the interpolated irradiance about `error` times its own change over a record's radius; indirect light that changes
 /// within `min_spacing` pixels is blurred. Records' noise stays, as soft patches: more `rays` make it smaller. A sample that no
@@ -36,8 +39,6 @@ class IrradianceCacheIntegrator final : public SinglePassIntegrator {
   /// `parts`: of the scene, needed with `cache.file` only; when absent they are read from the scene's file.
   IrradianceCacheIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec,
                             std::optional<std::vector<ScenePart>> parts = std::nullopt);
-  /// Adds what making the cache took to the job's first sub-pass.
-  void run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const override;
 
   [[nodiscard]] const IrradianceCache& cache() const { return cache_; }
   [[nodiscard]] const IrradianceFigures& figures() const { return builder_.figures(); }
@@ -51,17 +52,21 @@ class IrradianceCacheIntegrator final : public SinglePassIntegrator {
   using Sink = FourPartSink<const IrradianceCacheIntegrator>;
   friend Sink;
   void render(const PixelTarget& target) const override;
+  void prepare(const ImagePart& part) const override;
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk, const Sink::Layers& to) const;
   [[nodiscard]] Rgb irradiance(const Vertex& vertex, const EyeWalk& walk, const PixelTarget& target) const;
   void fill_cache();
 
   std::uint64_t seed_;
+  TileFigures made_;                              ///< what making the maps took; counted with the first pixel's first sample
   std::unique_ptr<const GatherRadiance> source_;
+  MapEstimate caustics_;
   IrradianceStore store_;
   IrradianceBuilder builder_;
   HemisphereGrid miss_grid_;
   IrradianceCache cache_;
   std::vector<std::uint16_t> marks_;              ///< records made at each pixel
+  mutable CoveredRadii covered_;                  ///< for the caustics' discs
   mutable std::atomic<std::uint64_t> misses_{0};  ///< a figure; no image depends on it
 };
 

@@ -22,6 +22,7 @@ std::uint64_t hash_of_options(const JobSpec& spec) {
   if (spec.irradiance_cache.source == GatherSource::kPhotonMap) {
     const JobSpec::PhotonMap& map = spec.photon_map;
     text += fmt::format(" {} {} {} {}", spec.integrator.photons, map.nearest, map.max_distance, static_cast<int>(map.filter));
+    text += spec.final_gather.precompute ? " precomputed" : "";
   }
   return xxh3_64(text);
 }

@@ -2,7 +2,7 @@
 //   8 bytes  "PFIRRC01"
 //   u64 options, u64 seed, u32 next_id, u32 rings, u32 sectors
 //   u32 count of views, u64 each
-//   u32 count of parts, each: u64 hash low, u64 hash high, u8 whether it has bounds, 6 floats of bounds (zeros without),
+//   u32 count of parts, each: u64 hash low, u64 hash high, u8 whether it has bounds (1) or not (0), with them 6 floats,
 //       3 floats flux, 3 floats axis, float cosine
 //   u32 count of records, each: 3 floats position, 3 normal, 3 geometric normal, float extent, 3 irradiance, 9 rotation,
 //       9 translation, float radius, float least, float most, u32 id, then u16 distance and u16 luminance of every cell
@@ -24,7 +24,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 constexpr std::string_view kMagic = "PFIRRC01";
-constexpr std::size_t kPartBytes = 16 + 1 + 13 * 4;
+constexpr std::size_t kPartBytes = 16 + 1 + 7 * 4;  // without bounds
 constexpr std::size_t kRecordBytes = 34 * 4 + 4;
 /// More rays of one hemisphere than the job file allows.
 constexpr std::uint32_t kMaxEdge = 1u << 12;
@@ -115,7 +115,7 @@ void put_part(Writer& out, const ScenePart& part) {
   out.put(part.hash.low), out.put(part.hash.high);
   const bool bounded = !part.everywhere();
   out.put(static_cast<std::uint8_t>(bounded ? 1 : 0));
-  out.put(bounded ? part.bounds.min : Vec3f{0, 0, 0}), out.put(bounded ? part.bounds.max : Vec3f{0, 0, 0});
+  if (bounded) out.put(part.bounds.min), out.put(part.bounds.max);
   out.put(part.flux), out.put(part.axis), out.put(part.cosine);
 }
 
@@ -125,8 +125,8 @@ ScenePart take_part(Reader& in) {
   part.hash.high = in.take<std::uint64_t>();
   const auto bounded = in.take<std::uint8_t>();
   if (bounded > 1) in.wrong("flag of a part's bounds", "0 or 1");
-  const Vec3f low = in.vector("bounds of a part"), high = in.vector("bounds of a part");
   if (bounded == 1) {
+    const Vec3f low = in.vector("bounds of a part"), high = in.vector("bounds of a part");
     part.bounds = {low, high};
     if (low.x > high.x || low.y > high.y || low.z > high.z) in.wrong("bounds of a part", "low corner first");
   }
