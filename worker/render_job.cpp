@@ -49,8 +49,10 @@ class Rendering {
         last_checkpoint_(clock.now()) {}
 
   Result<RenderResult> run() {
+    const double opened_from = clock_.now();
     if (auto opened = open(); !opened) return tl::unexpected(opened.error());
     render_start_ = clock_.now();
+    prepare_seconds_ = render_start_ - opened_from;
     const std::uint64_t first = film_.sub_passes();
     while (!stops(film_.sub_passes() - first)) {
       job_.integrator->run({film_.sub_passes(), 1}, film_.state(), film_.sums());
@@ -130,6 +132,7 @@ class Rendering {
     RenderResult result;
     result.render_seconds = written_from - render_start_;
     result.load_seconds = job_.load_seconds;
+    result.prepare_seconds = prepare_seconds_;
     result.warnings = job_.warnings();
     const ResultLabels labels{.name = job_.spec.job.name,
                               .exposure = static_cast<float>(job_.spec.image.exposure),
@@ -157,6 +160,7 @@ class Rendering {
   Film film_;
   double start_;
   double render_start_ = 0;
+  double prepare_seconds_ = 0;  ///< first radii, or reading a checkpoint
   double last_checkpoint_;
 };
 

@@ -68,7 +68,7 @@ std::string result_json(const std::string& name, const RenderResult& r) {
       {"photon_paths", r.photon_paths},
       {"photons_stored", r.photons_stored},
       {"rays", r.rays},
-      {"seconds", {{"load", r.load_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
+      {"seconds", {{"load", r.load_seconds}, {"prepare", r.prepare_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
       {"rays_per_second", rate(r.rays)},
       {"photons_per_second", rate(r.photon_paths)},
       {"peak_bytes", r.peak_bytes},

@@ -16,7 +16,7 @@ struct RenderResult {
   std::filesystem::path exr, png, json;
   std::string image_hash;                       ///< SHA-256 of the beauty's floats: equal images, equal hashes
   std::uint64_t passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0;
-  double load_seconds = 0, render_seconds = 0, write_seconds = 0;
+  double load_seconds = 0, prepare_seconds = 0, render_seconds = 0, write_seconds = 0;
   double error = 0;
   std::uint64_t peak_bytes = 0;
   std::vector<std::string> warnings;
