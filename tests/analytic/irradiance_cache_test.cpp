@@ -23,16 +23,17 @@ JobSpec cached(int width, int height, double error = 0.15, int rays = 256) {
 }
 
 /// A layer by several seeds, as means over blocks of pixels.
-std::vector<Estimate> blocks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes, int runs, int edge,
-                                std::string_view layer) {
+std::vector<Estimate> blocks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes, int runs,
+                                int edge, std::string_view layer) {
   const int columns = spec.image.width / edge, rows = spec.image.height / edge;
   std::vector<std::vector<double>> values(static_cast<std::size_t>(columns * rows));
   for (int run = 0; run < runs; ++run) {
     JobSpec seeded = spec;
     const bool path = spec.integrator.type == IntegratorType::kPath;
     seeded.integrator.seed = static_cast<std::uint64_t>(run) + (path ? 1000u : 2000u);
-    const Film film = path ? render(scene, seeded, passes)
-                           : render(IrradianceCacheIntegrator(scene, scene.cameras().front(), seeded), passes);
+    const Film film = path
+                          ? render(scene, seeded, passes)
+                          : render(IrradianceCacheIntegrator(scene, scene.cameras().front(), seeded), passes);
     EXPECT_EQ(film.sums().faults.not_finite, 0u);
     const std::vector<Rgb> image = layer_of(film, layer);
     for (int block = 0; block < columns * rows; ++block) {
@@ -75,10 +76,11 @@ TEST(IrradianceCaching, IsCutAfterTheDepthThatTheJobAsksFor) {
   }
 }
 
-/// Light that one wall of radiance L = rho E / pi throws on a floor point: a wall lit evenly by a directional light is seen
-/// under the configuration factor of a perpendicular rectangle.
+/// Light that one wall of radiance L = rho E / pi throws on a floor point: a wall lit evenly by a directional
+/// light is seen under the configuration factor of a perpendicular rectangle.
 TEST(IrradianceCaching, OfAFloorBesideALitWallIsItsConfigurationFactor) {
-  // Light along -x meets the wall x = 0 only, the floor not at all (it lies along the light), and nothing else is there.
+  // Light along -x meets the wall x = 0 only, the floor not at all (it lies along the light), and nothing
+  // else is there.
   SceneMaker maker;
   constexpr float kRho = 0.5f, kSide = 4.0f;
   const int grey = maker.lambert({kRho, kRho, kRho});
@@ -90,8 +92,9 @@ TEST(IrradianceCaching, OfAFloorBesideALitWallIsItsConfigurationFactor) {
   JobSpec spec = cached(16, 16, 0.1, 512);
   spec.integrator.max_depth = 2;  // sun, wall, floor
   const auto measured = blocks_of(*scene, spec, 8, 8, 4, "indirect");
-  // Element to a rectangle perpendicular to it whose edge lies in its plane, at the corner [Howell, B-4]: with b along the
-  // edge, c the height, a the distance, F = (atan(b/a) - a / sqrt(a^2 + c^2) atan(b / sqrt(a^2 + c^2))) / (2 pi).
+  // Element to a rectangle perpendicular to it whose edge lies in its plane, at the corner [Howell, B-4]:
+  // with b along the edge, c the height, a the distance, F = (atan(b/a) - a / sqrt(a^2 + c^2) atan(b /
+  // sqrt(a^2 + c^2))) / (2 pi).
   const auto factor = [](double a, double b, double c) {
     const double d = std::sqrt(a * a + c * c);
     return (std::atan(b / a) - a / d * std::atan(b / d)) / (2.0 * double{kPi});
@@ -146,7 +149,8 @@ TEST(IrradianceCaching, AddsCausticsAndSpecularPathsToWhatPathTracingGives) {
   for (const GatherSource source : {GatherSource::kPath, GatherSource::kPhotonMap}) {
     spec.irradiance_cache.source = source;
     spec.integrator.photons = 50000;
-    EXPECT_TRUE(all_agree(blocks_of(*scene, spec, 8, 4, 8, ""), reference, 0.04, 0.005)) << static_cast<int>(source);
+    EXPECT_TRUE(all_agree(blocks_of(*scene, spec, 8, 4, 8, ""), reference, 0.04, 0.005))
+        << static_cast<int>(source);
   }
 }
 
@@ -167,7 +171,8 @@ TEST(IrradianceCaching, ErrsLessTheSmallerItsErrorIs) {
     JobSpec spec = cached(32, 32, error, 1024);
     spec.integrator.max_depth = 2;
     spec.irradiance_cache.min_spacing = 0.5;
-    const auto image = layer_of(render(IrradianceCacheIntegrator(*scene, scene->cameras().front(), spec), 16), "indirect");
+    const auto image =
+        layer_of(render(IrradianceCacheIntegrator(*scene, scene->cameras().front(), spec), 16), "indirect");
     double sum = 0.0;
     for (std::size_t i = 0; i < image.size(); ++i) {
       const double relative = double{image[i].x - reference[i].x} / (double{reference[i].x} + 0.01);

@@ -1,6 +1,6 @@
-// Any bytes as the file of an irradiance cache: no crash, no hang, no flood of memory. What is taken keeps the promises of
-// irradiance_file.h, and a cache made of it can be read. Bytes are tried as they are and below a right checksum, which a
-// fuzzer would hardly ever find.
+// Any bytes as the file of an irradiance cache: no crash, no hang, no flood of memory. What is taken keeps
+// the promises of irradiance_file.h, and a cache made of it can be read. Bytes are tried as they are and
+// below a right checksum, which a fuzzer would hardly ever find.
 #include <bit>
 #include <cmath>
 #include <cstddef>

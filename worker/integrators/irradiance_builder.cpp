@@ -29,10 +29,11 @@ struct IrradianceBuilder::Miss {
   int x, y;
 };
 
-HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const HemisphereGrid& grid, std::uint64_t stream,
-                                            TileFigures& figures) const {
+HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const HemisphereGrid& grid,
+                                            std::uint64_t stream, TileFigures& figures) const {
   const Frame frame = Frame::from_normal(place.normal);
-  HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{0, 0, 0}), std::vector<float>(grid.cells(), kInfinity)};
+  HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{0, 0, 0}),
+                            std::vector<float>(grid.cells(), kInfinity)};
   for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
     PathRng rng(seed_, Stream::kIrradiance, stream, cell);
     const Vec3f direction = frame.to_world(grid.direction(cell, rng.next2()));
@@ -45,16 +46,19 @@ HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const Hemi
   return samples;
 }
 
-void IrradianceBuilder::fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach, TileFigures& figures) const {
+void IrradianceBuilder::fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach,
+                             TileFigures& figures) const {
   const HemisphereSamples samples = gather(place, grid_, record.id, figures);
   set_estimate(record, estimate_irradiance(samples, Frame::from_normal(place.normal)));
   if (reach != nullptr) *reach = RecordReach(samples);
 }
 
-void IrradianceBuilder::gather_again(IrradianceRecord& record, RecordReach& reach, TileFigures& figures) const {
+void IrradianceBuilder::gather_again(IrradianceRecord& record, RecordReach& reach,
+                                     TileFigures& figures) const {
   MediumStack media;
   if (scene_.any_medium()) {
-    const Vec3f outside = offset_ray_origin(record.position, record.geometric_normal, record.geometric_normal, record.extent);
+    const Vec3f outside =
+        offset_ray_origin(record.position, record.geometric_normal, record.geometric_normal, record.extent);
     media = MediumStack(scene_.media_around(outside));
   }
   fill(record, GatherPlace(record, media), &reach, figures);
@@ -90,7 +94,8 @@ struct MissSink {
 
 }  // namespace
 
-std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, int max_depth, const IrradianceCache& cache,
+std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, int max_depth,
+                                                               const IrradianceCache& cache,
                                                                const Lattice& lattice) {
   const auto count = [&](int first, int size) {
     return first < size ? static_cast<std::size_t>((size - 1 - first) / lattice.step + 1) : std::size_t{0};
@@ -102,7 +107,8 @@ std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, i
   parallel_for(rows, [&](std::size_t row) {
     std::vector<GatherPlace> places;
     for (std::size_t column = 0; column < columns; ++column) {
-      const int x = lattice.x + static_cast<int>(column) * lattice.step, y = lattice.y + static_cast<int>(row) * lattice.step;
+      const int x = lattice.x + static_cast<int>(column) * lattice.step,
+                y = lattice.y + static_cast<int>(row) * lattice.step;
       places.clear();
       MissSink sink{cache, eye, places};
       paths.follow(x, y, lattice.sample, sink);
@@ -118,10 +124,12 @@ std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, i
   return all;
 }
 
-void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache& cache, std::uint32_t& next_id,
-                                 std::vector<std::uint16_t>& marks, std::vector<RecordReach>* reaches) {
-  // From the largest spacing down, every lattice between the points of those before: first the middles of their squares, then
-  // of the squares' edges, so that hardly any two points of one lattice are nearer than the records will be.
+void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache& cache,
+                                 std::uint32_t& next_id, std::vector<std::uint16_t>& marks,
+                                 std::vector<RecordReach>* reaches) {
+  // From the largest spacing down, every lattice between the points of those before: first the middles of
+  // their squares, then of the squares' edges, so that hardly any two points of one lattice are nearer than
+  // the records will be.
   std::vector<Lattice> lattices;
   int step = static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(1.0, options_.max_spacing))));
   lattices.push_back({0, 0, step, 0});
@@ -158,7 +166,8 @@ void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache&
       count_gathered(tiles[i]);
       if (reaches != nullptr) reaches->push_back(std::move(reached[i]));
       if (!marks.empty()) {
-        ++marks[static_cast<std::size_t>(found[i].y) * static_cast<std::size_t>(eye.width()) + static_cast<std::size_t>(found[i].x)];
+        ++marks[static_cast<std::size_t>(found[i].y) * static_cast<std::size_t>(eye.width()) +
+                static_cast<std::size_t>(found[i].x)];
       }
     }
     next_id += static_cast<std::uint32_t>(found.size());
@@ -166,7 +175,8 @@ void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache&
   figures_.records = cache.records().size();
 }
 
-void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, int max_depth, IrradianceCache& cache) {
+void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, int max_depth,
+                               IrradianceCache& cache) {
   enum class Fate : std::uint8_t { kKept, kRenewed, kDropped };
   const std::size_t count = file.records.size();
   std::vector<Fate> fates(count, change.everywhere ? Fate::kDropped : Fate::kKept);

@@ -39,12 +39,12 @@ struct GatherPlace {
 
 /// What building took.
 struct IrradianceFigures {
-  std::uint64_t records = 0;      ///< in the cache
-  std::uint64_t gathered = 0;     ///< hemispheres of gather rays: records made or made again
-  std::uint64_t kept = 0;         ///< records of a file that were taken over as they were
-  std::uint64_t renewed = 0;      ///< records of a file that were gathered again, or dropped
+  std::uint64_t records = 0;   ///< in the cache
+  std::uint64_t gathered = 0;  ///< hemispheres of gather rays: records made or made again
+  std::uint64_t kept = 0;      ///< records of a file that were taken over as they were
+  std::uint64_t renewed = 0;   ///< records of a file that were gathered again, or dropped
   std::uint64_t gather_rays = 0;
-  std::uint64_t rays = 0;         ///< all that were shot
+  std::uint64_t rays = 0;  ///< all that were shot
   Faults faults;
 };
 
@@ -52,22 +52,29 @@ struct IrradianceFigures {
 class IrradianceBuilder {
  public:
   /// `seed`: of the gather rays' random numbers.
-  IrradianceBuilder(const Scene& scene, const GatherRadiance& source, const JobSpec::IrradianceCache& options, std::uint64_t seed)
-      : scene_(scene), source_(source), options_(options), grid_(HemisphereGrid::of_rays(options.rays)), seed_(seed) {}
+  IrradianceBuilder(const Scene& scene, const GatherRadiance& source, const JobSpec::IrradianceCache& options,
+                    std::uint64_t seed)
+      : scene_(scene),
+        source_(source),
+        options_(options),
+        grid_(HemisphereGrid::of_rays(options.rays)),
+        seed_(seed) {}
 
-  /// Gather rays of one hemisphere, one a cell of `grid`; `stream` names their random numbers. Where a ray would start below
-  /// the true surface nothing arrives.
-  [[nodiscard]] HemisphereSamples gather(const GatherPlace& place, const HemisphereGrid& grid, std::uint64_t stream,
-                                         TileFigures& figures) const;
+  /// Gather rays of one hemisphere, one a cell of `grid`; `stream` names their random numbers. Where a ray
+  /// would start below the true surface nothing arrives.
+  [[nodiscard]] HemisphereSamples gather(const GatherPlace& place, const HemisphereGrid& grid,
+                                         std::uint64_t stream, TileFigures& figures) const;
 
-  /// Overture: makes records for what the image will ask, from coarse lattices of pixels to fine ones [Ward 1988, 4.2; Krivanek
-  /// and Gautron 2009, 5.1]. All points of a lattice are looked up in what the lattices before left, then gathered at once and
-  /// inserted in the order of the pixels: the result depends on neither threads nor the order of the lookups. `marks`, when not
-  /// empty, counts the records made at each pixel. New records' reaches are appended to `reaches`, when not null.
-  void overture(const Eye& eye, int max_depth, IrradianceCache& cache, std::uint32_t& next_id, std::vector<std::uint16_t>& marks,
-                std::vector<RecordReach>* reaches);
-  /// Takes over the records of `file` that the change of the scene cannot have touched (changed_part) and gathers again at the
-  /// others; those in or on what changed are dropped. `file` then holds the cache's records and reaches.
+  /// Overture: makes records for what the image will ask, from coarse lattices of pixels to fine ones [Ward
+  /// 1988, 4.2; Krivanek and Gautron 2009, 5.1]. All points of a lattice are looked up in what the lattices
+  /// before left, then gathered at once and inserted in the order of the pixels: the result depends on
+  /// neither threads nor the order of the lookups. `marks`, when not empty, counts the records made at each
+  /// pixel. New records' reaches are appended to `reaches`, when not null.
+  void overture(const Eye& eye, int max_depth, IrradianceCache& cache, std::uint32_t& next_id,
+                std::vector<std::uint16_t>& marks, std::vector<RecordReach>* reaches);
+  /// Takes over the records of `file` that the change of the scene cannot have touched (changed_part) and
+  /// gathers again at the others; those in or on what changed are dropped. `file` then holds the cache's
+  /// records and reaches.
   void update(IrradianceFile& file, const SceneChange& change, int max_depth, IrradianceCache& cache);
 
   [[nodiscard]] const HemisphereGrid& grid() const { return grid_; }
@@ -76,8 +83,10 @@ class IrradianceBuilder {
  private:
   struct Lattice;
   struct Miss;
-  [[nodiscard]] std::vector<Miss> misses(const Eye& eye, int max_depth, const IrradianceCache& cache, const Lattice& lattice);
-  void fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach, TileFigures& figures) const;
+  [[nodiscard]] std::vector<Miss> misses(const Eye& eye, int max_depth, const IrradianceCache& cache,
+                                         const Lattice& lattice);
+  void fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach,
+            TileFigures& figures) const;
   /// Gathers again at `record`, whose place stays.
   void gather_again(IrradianceRecord& record, RecordReach& reach, TileFigures& figures) const;
   void count_gathered(const TileFigures& tile);

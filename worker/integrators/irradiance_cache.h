@@ -16,24 +16,27 @@
 
 namespace pf {
 
-/// Irradiance caching: indirect light on diffuse surfaces is gathered at few points and interpolated between them.
+/// Irradiance caching: indirect light on diffuse surfaces is gathered at few points and interpolated between
+/// them.
 ///
-/// Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection"; Ward and Heckbert 1992, "Irradiance
-/// Gradients"; Krivanek and Gautron 2009, "Practical Global Illumination with Irradiance Caching". Before the first sample an
-/// overture makes the records that the image will read (IrradianceBuilder); from then on the cache does not change. Light that
-/// arrives at a gather point is the cache's irradiance times the Lambert lobe, where the gather portion is one; rough reflections
-/// follow gather rays of their own, one a sample. Gather rays end in the global photon map or go on as paths. Direct light is
-/// sampled, caustics come from the caustic map.
+/// Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection"; Ward and Heckbert
+/// 1992, "Irradiance Gradients"; Krivanek and Gautron 2009, "Practical Global Illumination with Irradiance
+/// Caching". Before the first sample an overture makes the records that the image will read
+/// (IrradianceBuilder); from then on the cache does not change. Light that arrives at a gather point is the
+/// cache's irradiance times the Lambert lobe, where the gather portion is one; rough reflections follow
+/// gather rays of their own, one a sample. Gather rays end in the global photon map or go on as paths. Direct
+/// light is sampled, caustics come from the caustic map.
 ///
-/// Bias: of the interpolated irradiance about `error` times its own change over a record's radius; indirect light that changes
-/// within `min_spacing` pixels is blurred. Records' noise stays, as soft patches: more `rays` make it smaller. A sample that no
-/// record reaches (a new surface seen through an antialiased edge or deep in a mirror) gathers for itself, without bias.
-/// Where it fails: fine normal maps and foliage, where hardly two points share a record; strongly directional indirect light
-/// on glossy surfaces, which is left to single rays.
+/// Bias: of the interpolated irradiance about `error` times its own change over a record's radius; indirect
+/// light that changes within `min_spacing` pixels is blurred. Records' noise stays, as soft patches: more
+/// `rays` make it smaller. A sample that no record reaches (a new surface seen through an antialiased edge or
+/// deep in a mirror) gathers for itself, without bias. Where it fails: fine normal maps and foliage, where
+/// hardly two points share a record; strongly directional indirect light on glossy surfaces, which is left to
+/// single rays.
 ///
-/// `cache.file` keeps records from run to run: another view adds to them, and after the scene changed those that the change can
-/// have touched are gathered again (changed_part says how that is told, and what error may stay). An image then depends on
-/// what the file held.
+/// `cache.file` keeps records from run to run: another view adds to them, and after the scene changed those
+/// that the change can have touched are gathered again (changed_part says how that is told, and what error
+/// may stay). An image then depends on what the file held.
 class IrradianceCacheIntegrator final : public SinglePassIntegrator {
  public:
   /// `parts`: of the scene, needed with `cache.file` only; when absent they are read from the scene's file.
@@ -53,12 +56,13 @@ class IrradianceCacheIntegrator final : public SinglePassIntegrator {
   friend Sink;
   void render(const PixelTarget& target) const override;
   void prepare(const ImagePart& part) const override;
-  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk, const Sink::Layers& to) const;
+  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk,
+              const Sink::Layers& to) const;
   [[nodiscard]] Rgb irradiance(const Vertex& vertex, const EyeWalk& walk, const PixelTarget& target) const;
   void fill_cache();
 
   std::uint64_t seed_;
-  TileFigures made_;                              ///< what making the maps took; counted with the first pixel's first sample
+  TileFigures made_;  ///< what making the maps took; counted with the first pixel's first sample
   std::unique_ptr<const GatherRadiance> source_;
   MapEstimate caustics_;
   IrradianceStore store_;

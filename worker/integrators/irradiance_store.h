@@ -12,10 +12,11 @@
 
 namespace pf {
 
-/// The cache file of a job (`cache.file`): what it held, and writing it back. Does nothing for a job that names none.
+/// The cache file of a job (`cache.file`): what it held, and writing it back. Does nothing for a job that
+/// names none.
 ///
-/// A file of other options is not used and written anew. One that cannot be read, or is none of ours, is left alone and
-/// reported by error(): the cache is then built from nothing and not kept.
+/// A file of other options is not used and written anew. One that cannot be read, or is none of ours, is left
+/// alone and reported by error(): the cache is then built from nothing and not kept.
 class IrradianceStore {
  public:
   /// `parts`: of the scene; where none are given, they are read from the scene's own file when needed.

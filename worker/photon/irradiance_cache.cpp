@@ -11,9 +11,11 @@ namespace {
 constexpr int kMaxDepth = 20;
 /// A record may lie so far in front of a point, as a part of its radius, before it no longer counts there.
 constexpr float kFrontTolerance = 0.01f;
-/// Records that face away from each other by more bound each other's radius no more: they lie on two sides of a wall.
+/// Records that face away from each other by more bound each other's radius no more: they lie on two sides of
+/// a wall.
 constexpr float kOppositeCosine = -0.5f;
-/// Neighbours are sought within so many times the distance that a record reaches: farther ones are bound through those between.
+/// Neighbours are sought within so many times the distance that a record reaches: farther ones are bound
+/// through those between.
 constexpr float kNeighbourhood = 3.0f;
 
 }  // namespace
@@ -22,9 +24,10 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate) 
   record.irradiance = estimate.irradiance;
   record.rotation = estimate.rotation;
   record.translation = estimate.translation;
-  const Vec3f steepest{luminance({estimate.translation[0].x, estimate.translation[1].x, estimate.translation[2].x}),
-                       luminance({estimate.translation[0].y, estimate.translation[1].y, estimate.translation[2].y}),
-                       luminance({estimate.translation[0].z, estimate.translation[1].z, estimate.translation[2].z})};
+  const Vec3f steepest{
+      luminance({estimate.translation[0].x, estimate.translation[1].x, estimate.translation[2].x}),
+      luminance({estimate.translation[0].y, estimate.translation[1].y, estimate.translation[2].y}),
+      luminance({estimate.translation[0].z, estimate.translation[1].z, estimate.translation[2].z})};
   const float slope = length(steepest);
   float radius = estimate.harmonic_distance;
   if (slope > 0.0f) radius = std::min(radius, luminance(estimate.irradiance) / slope);
@@ -35,9 +38,13 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate) 
 }
 
 IrradianceCache::IrradianceCache(const Box3f& bounds, float error)
-    : nodes_(1), centre_(bounds.center()), edge_(std::max(max_component(bounds.size()), 1e-30f)), error_(error) {}
+    : nodes_(1),
+      centre_(bounds.center()),
+      edge_(std::max(max_component(bounds.size()), 1e-30f)),
+      error_(error) {}
 
-float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal, float error) {
+float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal,
+                              float error) {
   const Vec3f offset = position - record.position;
   const float reach = error * record.radius;
   const float distance2 = length2(offset);
@@ -51,7 +58,8 @@ float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& posit
   return 1.0f / std::max(estimated, kLeastError) - 1.0f / error;
 }
 
-std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec3f& normal, float tightness) const {
+std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec3f& normal,
+                                                float tightness) const {
   const float error = error_ * tightness;
   Rgb sum{0, 0, 0};
   float weights = 0.0f;
@@ -66,8 +74,8 @@ std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec
       sum += Rgb{std::max(value.x, 0.0f), std::max(value.y, 0.0f), std::max(value.z, 0.0f)} * w;
       weights += w;
     }
-    const unsigned octant = (position.x >= cell.centre.x ? 1u : 0u) | (position.y >= cell.centre.y ? 2u : 0u) |
-                            (position.z >= cell.centre.z ? 4u : 0u);
+    const unsigned octant = (position.x >= cell.centre.x ? 1u : 0u) |
+                            (position.y >= cell.centre.y ? 2u : 0u) | (position.z >= cell.centre.z ? 4u : 0u);
     const std::uint32_t next = nodes_[cell.node].children[octant];
     if (next == kNone) break;
     cell = child(cell, octant, next);
@@ -78,7 +86,8 @@ std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec
 
 IrradianceCache::Cell IrradianceCache::child(const Cell& cell, unsigned octant, std::uint32_t node) {
   const float quarter = 0.25f * cell.edge;
-  const Vec3f towards{octant & 1u ? quarter : -quarter, octant & 2u ? quarter : -quarter, octant & 4u ? quarter : -quarter};
+  const Vec3f towards{octant & 1u ? quarter : -quarter, octant & 2u ? quarter : -quarter,
+                      octant & 4u ? quarter : -quarter};
   return {node, cell.centre + towards, 0.5f * cell.edge, cell.depth + 1};
 }
 
@@ -90,7 +99,8 @@ bool IrradianceCache::reaches(const Cell& cell, unsigned octant, const Vec3f& po
   return true;
 }
 
-/// Puts the record into all cells of about its size that its ball reaches: at most eight, so that a reader goes straight down.
+/// Puts the record into all cells of about its size that its ball reaches: at most eight, so that a reader
+/// goes straight down.
 void IrradianceCache::place(std::uint32_t index, float radius) {
   std::vector<Cell> pending{root()};
   const Vec3f position = records_[index].position;
@@ -112,7 +122,8 @@ void IrradianceCache::place(std::uint32_t index, float radius) {
   }
 }
 
-/// What is near to a neighbour may be that near here as well: R_i <= R_j + |p_i - p_j|, both ways [Krivanek 2006, 4].
+/// What is near to a neighbour may be that near here as well: R_i <= R_j + |p_i - p_j|, both ways [Krivanek
+/// 2006, 4].
 void IrradianceCache::clamp_to_neighbours(IrradianceRecord& record) {
   std::vector<Cell> pending{root()};
   std::vector<std::uint32_t> near;
@@ -123,7 +134,8 @@ void IrradianceCache::clamp_to_neighbours(IrradianceRecord& record) {
     near.insert(near.end(), nodes_[cell.node].records.begin(), nodes_[cell.node].records.end());
     for (unsigned octant = 0; octant < 8; ++octant) {
       const std::uint32_t next = nodes_[cell.node].children[octant];
-      if (next != kNone && reaches(cell, octant, record.position, within)) pending.push_back(child(cell, octant, next));
+      if (next != kNone && reaches(cell, octant, record.position, within))
+        pending.push_back(child(cell, octant, next));
     }
   }
   const auto bounds = [&](const IrradianceRecord& a, const IrradianceRecord& b) {
@@ -138,7 +150,8 @@ void IrradianceCache::clamp_to_neighbours(IrradianceRecord& record) {
   for (const std::uint32_t index : near) {
     IrradianceRecord& other = records_[index];
     if (!bounds(record, other)) continue;
-    other.radius = std::max(other.least, std::min(other.radius, record.radius + length(record.position - other.position)));
+    other.radius = std::max(other.least,
+                            std::min(other.radius, record.radius + length(record.position - other.position)));
   }
 }
 

@@ -2,10 +2,13 @@
 //   8 bytes  "PFIRRC01"
 //   u64 options, u64 seed, u32 next_id, u32 rings, u32 sectors
 //   u32 count of views, u64 each
-//   u32 count of parts, each: u64 hash low, u64 hash high, u8 whether it has bounds (1) or not (0), with them 6 floats,
+//   u32 count of parts, each: u64 hash low, u64 hash high, u8 whether it has bounds (1) or not (0), with them
+//   6 floats,
 //       3 floats flux, 3 floats axis, float cosine
-//   u32 count of records, each: 3 floats position, 3 normal, 3 geometric normal, float extent, 3 irradiance, 9 rotation,
-//       9 translation, float radius, float least, float most, u32 id, then u16 distance and u16 luminance of every cell
+//   u32 count of records, each: 3 floats position, 3 normal, 3 geometric normal, float extent, 3 irradiance,
+//   9 rotation,
+//       9 translation, float radius, float least, float most, u32 id, then u16 distance and u16 luminance of
+//       every cell
 //   8 bytes  XXH3 of everything before
 
 #include "worker/photon/irradiance_file.h"
@@ -179,7 +182,8 @@ RecordReach take_reach(Reader& in, std::uint32_t cells) {
 std::string to_bytes(const IrradianceFile& file) {
   Writer out;
   out.raw(kMagic);
-  out.put(file.options), out.put(file.seed), out.put(file.next_id), out.put(file.grid.rings), out.put(file.grid.sectors);
+  out.put(file.options), out.put(file.seed), out.put(file.next_id), out.put(file.grid.rings),
+      out.put(file.grid.sectors);
   out.put(static_cast<std::uint32_t>(file.views.size()));
   for (const std::uint64_t view : file.views) out.put(view);
   out.put(static_cast<std::uint32_t>(file.parts.size()));
@@ -191,16 +195,20 @@ std::string to_bytes(const IrradianceFile& file) {
 
 Result<IrradianceFile> parse_irradiance_file(std::string_view bytes, std::string_view origin) {
   if (!bytes.starts_with(kMagic)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: byte 0: not an irradiance cache; expected \"{}\"", origin, kMagic));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: byte 0: not an irradiance cache; expected \"{}\"", origin, kMagic));
   }
   std::uint64_t checksum = 0;
   if (bytes.size() < kMagic.size() + sizeof(checksum)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: byte {}: the file ends early; expected a checksum", origin, bytes.size()));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: byte {}: the file ends early; expected a checksum", origin, bytes.size()));
   }
   const std::string_view content = bytes.substr(0, bytes.size() - sizeof(checksum));
   std::memcpy(&checksum, bytes.data() + content.size(), sizeof(checksum));
   if (checksum != xxh3_64(content)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: byte {}: wrong checksum; expected the file as it was written", origin, content.size()));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: byte {}: wrong checksum; expected the file as it was written", origin,
+                            content.size()));
   }
   Reader in(content, origin);
   for (std::size_t i = 0; i < kMagic.size(); ++i) static_cast<void>(in.take<char>());
@@ -211,7 +219,8 @@ Result<IrradianceFile> parse_irradiance_file(std::string_view bytes, std::string
   file.grid.rings = in.take<std::uint32_t>();
   file.grid.sectors = in.take<std::uint32_t>();
   for (const std::uint32_t edge : {file.grid.rings, file.grid.sectors}) {
-    if (edge < 2 || edge > kMaxEdge || edge % 2 != 0) in.wrong("grid of gather rays", fmt::format("an even number up to {}", kMaxEdge));
+    if (edge < 2 || edge > kMaxEdge || edge % 2 != 0)
+      in.wrong("grid of gather rays", fmt::format("an even number up to {}", kMaxEdge));
   }
   if (!in.good()) return fail(ErrorKind::kInvalidInput, in.error());
   for (std::uint32_t left = in.count("number of views", sizeof(std::uint64_t)); left > 0; --left) {

@@ -22,7 +22,8 @@ struct Blocks {
         nearness(radiance.size(), 0.0f) {
     constexpr float kPart = 1.0f / static_cast<float>(kBlock * kBlock);
     for (std::uint32_t cell = 0; cell < samples.grid.cells(); ++cell) {
-      const std::uint32_t ring = cell / samples.grid.sectors / kBlock, sector = cell % samples.grid.sectors / kBlock;
+      const std::uint32_t ring = cell / samples.grid.sectors / kBlock,
+                          sector = cell % samples.grid.sectors / kBlock;
       const std::size_t block = index(ring, sector);
       radiance[block] += samples.radiance[cell] * kPart;
       nearness[block] += kPart / samples.distance[cell];
@@ -39,12 +40,14 @@ void add(RgbGradient& gradient, const Rgb& change, const Vec3f& direction) {
 
 Vec3f horizontal(float phi) { return {std::cos(phi), std::sin(phi), 0.0f}; }
 
-/// Light that crosses the walls between blocks as the point moves by a metre. theta is the angle to the normal.
+/// Light that crosses the walls between blocks as the point moves by a metre. theta is the angle to the
+/// normal.
 RgbGradient translation_gradient(const Blocks& blocks) {
   const auto rings = static_cast<float>(blocks.rings), sectors = static_cast<float>(blocks.sectors);
   RgbGradient gradient = kNoChange;
   const auto crossing = [&](std::size_t to, std::size_t from) {
-    return (blocks.radiance[to] - blocks.radiance[from]) * std::max(blocks.nearness[to], blocks.nearness[from]);
+    return (blocks.radiance[to] - blocks.radiance[from]) *
+           std::max(blocks.nearness[to], blocks.nearness[from]);
   };
   for (std::uint32_t sector = 0; sector < blocks.sectors; ++sector) {
     const Vec3f middle = horizontal(2.0f * kPi * (static_cast<float>(sector) + 0.5f) / sectors);
@@ -64,23 +67,24 @@ RgbGradient translation_gradient(const Blocks& blocks) {
   return gradient;
 }
 
-/// Every cell's light changes with its cosine as the normal turns towards it, about the axis at phi + pi/2: by tan(theta) of it
-/// [Ward and Heckbert 1992, (2), whose axis points the other way].
+/// Every cell's light changes with its cosine as the normal turns towards it, about the axis at phi + pi/2:
+/// by tan(theta) of it [Ward and Heckbert 1992, (2), whose axis points the other way].
 RgbGradient rotation_gradient(const Blocks& blocks) {
   const auto rings = static_cast<float>(blocks.rings), sectors = static_cast<float>(blocks.sectors);
   RgbGradient gradient = kNoChange;
   for (std::uint32_t sector = 0; sector < blocks.sectors; ++sector) {
     Rgb sum{0, 0, 0};
     for (std::uint32_t ring = 0; ring < blocks.rings; ++ring) {
-      // The mean of tan(theta) over a ring's projected solid angle, s = sin^2(theta): the integral of sqrt(s / (1 - s)) is
-      // asin(sqrt(s)) - sqrt(s (1 - s)).
+      // The mean of tan(theta) over a ring's projected solid angle, s = sin^2(theta): the integral of sqrt(s
+      // / (1 - s)) is asin(sqrt(s)) - sqrt(s (1 - s)).
       const auto primitive = [&](std::uint32_t border) {
         const float s = static_cast<float>(border) / rings;
         return std::asin(std::sqrt(s)) - std::sqrt(s * (1.0f - s));
       };
       sum += blocks.radiance[blocks.index(ring, sector)] * ((primitive(ring + 1) - primitive(ring)) * rings);
     }
-    add(gradient, sum * (kPi / (rings * sectors)), horizontal(2.0f * kPi * (static_cast<float>(sector) + 0.5f) / sectors + 0.5f * kPi));
+    add(gradient, sum * (kPi / (rings * sectors)),
+        horizontal(2.0f * kPi * (static_cast<float>(sector) + 0.5f) / sectors + 0.5f * kPi));
   }
   return gradient;
 }

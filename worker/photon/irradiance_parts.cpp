@@ -50,7 +50,8 @@ Result<std::vector<std::string>> hash_textures(const SceneDescription& scene) {
     } else if (texture.bytes) {
       content.add(*texture.bytes);
     }
-    content.add(texture.wrap_s), content.add(texture.wrap_t), content.add(texture.nearest), content.add(texture.color_space);
+    content.add(texture.wrap_s), content.add(texture.wrap_t), content.add(texture.nearest),
+        content.add(texture.color_space);
     all.push_back(content.hash().hex());
   }
   return all;
@@ -66,29 +67,33 @@ void add_texture(Content& content, const TextureRef& ref, const std::vector<std:
 
 /// Every field of a material but its name.
 void add_material(Content& content, const Material& m, const std::vector<std::string>& textures) {
-  for (const Rgb& color : {m.base_color, m.emission, m.specular_color, m.attenuation_color, m.sheen_color}) content.add(color);
-  for (const float value : {m.alpha, m.metallic, m.roughness, m.normal_scale, m.alpha_cutoff, m.ior, m.specular, m.transmission,
-                            m.thickness, m.attenuation_distance, m.clearcoat, m.clearcoat_roughness, m.clearcoat_normal_scale,
-                            m.sheen_roughness}) {
+  for (const Rgb& color : {m.base_color, m.emission, m.specular_color, m.attenuation_color, m.sheen_color})
+    content.add(color);
+  for (const float value : {m.alpha, m.metallic, m.roughness, m.normal_scale, m.alpha_cutoff, m.ior,
+                            m.specular, m.transmission, m.thickness, m.attenuation_distance, m.clearcoat,
+                            m.clearcoat_roughness, m.clearcoat_normal_scale, m.sheen_roughness}) {
     content.add(value);
   }
   content.add(m.alpha_mode), content.add(m.double_sided), content.add(m.unlit);
   for (const TextureRef* ref :
-       {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture, &m.specular_texture,
-        &m.specular_color_texture, &m.transmission_texture, &m.clearcoat_texture, &m.clearcoat_roughness_texture,
-        &m.clearcoat_normal_texture, &m.sheen_color_texture, &m.sheen_roughness_texture}) {
+       {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
+        &m.specular_texture, &m.specular_color_texture, &m.transmission_texture, &m.clearcoat_texture,
+        &m.clearcoat_roughness_texture, &m.clearcoat_normal_texture, &m.sheen_color_texture,
+        &m.sheen_roughness_texture}) {
     add_texture(content, *ref, textures);
   }
 }
 
 Vec3f transform(const Vec3f& p, const Matrix44f& m) { return p * m; }
 
-ScenePart part_of(const SceneDescription& scene, const MeshInstance& instance, const std::vector<std::string>& textures) {
+ScenePart part_of(const SceneDescription& scene, const MeshInstance& instance,
+                  const std::vector<std::string>& textures) {
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
   Content content;
   content.add(instance.object_to_world);
-  content.add(mesh.positions), content.add(mesh.normals), content.add(mesh.tangents), content.add(mesh.colors);
+  content.add(mesh.positions), content.add(mesh.normals), content.add(mesh.tangents),
+      content.add(mesh.colors);
   for (const auto& set : mesh.uv) content.add(set);
   content.add(mesh.triangles);
   add_material(content, material, textures);
@@ -110,7 +115,8 @@ ScenePart part_of(const SceneDescription& scene, const MeshInstance& instance, c
 
 ScenePart part_of(const PunctualLight& light) {
   Content content;
-  content.add(light.kind), content.add(light.intensity), content.add(light.position), content.add(light.direction);
+  content.add(light.kind), content.add(light.intensity), content.add(light.position),
+      content.add(light.direction);
   content.add(light.cos_inner), content.add(light.cos_outer);
   ScenePart part;
   part.hash = content.hash();
@@ -160,7 +166,8 @@ bool SceneChange::crossed(const Vec3f& origin, const Vec3f& direction, float len
         if (origin[axis] < box.min[axis] || origin[axis] > box.max[axis]) to = -1.0f;
         continue;
       }
-      const float a = (box.min[axis] - origin[axis]) / direction[axis], b = (box.max[axis] - origin[axis]) / direction[axis];
+      const float a = (box.min[axis] - origin[axis]) / direction[axis],
+                  b = (box.max[axis] - origin[axis]) / direction[axis];
       from = std::max(from, std::min(a, b));
       to = std::min(to, std::max(a, b));
     }

@@ -11,15 +11,18 @@
 namespace pf {
 
 /// A float's upper half: 8 bits of mantissa.
-[[nodiscard]] inline float unpack_half(std::uint16_t bits) { return std::bit_cast<float>(std::uint32_t{bits} << 16); }
+[[nodiscard]] inline float unpack_half(std::uint16_t bits) {
+  return std::bit_cast<float>(std::uint32_t{bits} << 16);
+}
 /// The least such number that is not below a non-negative `value`; infinity stays.
 [[nodiscard]] inline std::uint16_t pack_half_up(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
   return static_cast<std::uint16_t>(std::isinf(value) ? bits >> 16 : (bits + 0xFFFFu) >> 16);
 }
 
-/// How far the gather rays of a record went and what they brought: all that telling needs which changes of a scene can have
-/// touched the record. Their directions follow from the record's random numbers. Four bytes a ray.
+/// How far the gather rays of a record went and what they brought: all that telling needs which changes of a
+/// scene can have touched the record. Their directions follow from the record's random numbers. Four bytes a
+/// ray.
 struct RecordReach {
   std::vector<std::uint16_t> distance;   ///< by cell [m], rounded up
   std::vector<std::uint16_t> luminance;  ///< of the radiance, rounded up

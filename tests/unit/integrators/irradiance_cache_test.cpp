@@ -33,7 +33,8 @@ TEST(IrradianceCaching, GivesTheSameBitsOnOneTwoAndFiveThreads) {
   const auto scene = peer_box(16).build();
   std::vector<Rgb> one;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     std::vector<Rgb> image;
     arena.execute([&] { image = layer_of(render(*look(*scene, small()), 3)); });
@@ -52,7 +53,8 @@ TEST(IrradianceCaching, AddsUpToTheSameSumsHoweverUnitsAreCut) {
     return all;
   };
   const std::uint64_t passes = PassOrder(integrator->film_options()).sub_passes(2);
-  const Statistics whole = sums({{0, passes}}), cut = sums({{passes / 2, passes - passes / 2}, {0, 1}, {1, passes / 2 - 1}});
+  const Statistics whole = sums({{0, passes}}),
+                   cut = sums({{passes / 2, passes - passes / 2}, {0, 1}, {1, passes / 2 - 1}});
   EXPECT_EQ(whole.pixels, cut.pixels);
   EXPECT_EQ(whole.extras, cut.extras);
   EXPECT_EQ(whole.features, cut.features);
@@ -67,14 +69,16 @@ TEST(IrradianceCaching, MarksEveryRecordItMadeOnce) {
   for (const ExtraSums& extra : film.sums().extras) marks += extra.marks;
   EXPECT_EQ(static_cast<std::uint64_t>(marks), integrator->figures().records);
   EXPECT_EQ(integrator->figures().gathered, integrator->figures().records);
-  EXPECT_EQ(integrator->figures().gather_rays, integrator->figures().records * HemisphereGrid::of_rays(64).cells());
+  EXPECT_EQ(integrator->figures().gather_rays,
+            integrator->figures().records * HemisphereGrid::of_rays(64).cells());
 }
 
 TEST(IrradianceCaching, LeavesFewSamplesWithoutARecord) {
   const auto scene = diffuse_box().build();
   const auto integrator = look(*scene, small(64, 64));
   static_cast<void>(render(*integrator, 16));
-  // Samples that the overture has not seen: antialiased edges, and what a radius that shrank later no longer covers.
+  // Samples that the overture has not seen: antialiased edges, and what a radius that shrank later no longer
+  // covers.
   EXPECT_LT(static_cast<double>(integrator->misses()), 0.02 * 16 * 64 * 64);
 }
 

@@ -35,7 +35,8 @@ IrradianceFile some_file(std::uint32_t records) {
     record.most = 2.0f;
     record.id = i;
     file.records.push_back(record);
-    HemisphereSamples samples{file.grid, std::vector<Rgb>(file.grid.cells(), Rgb{1, 2, 3}), std::vector<float>(file.grid.cells(), 0.25f)};
+    HemisphereSamples samples{file.grid, std::vector<Rgb>(file.grid.cells(), Rgb{1, 2, 3}),
+                              std::vector<float>(file.grid.cells(), 0.25f)};
     samples.distance[1] = kInfinity;
     file.reaches.emplace_back(samples);
   }
@@ -64,7 +65,8 @@ TEST(IrradianceFile, RefusesEveryFileThatIsCutOrChangedAnywhere) {
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     std::string changed = bytes;
     changed[i] = static_cast<char>(changed[i] ^ 0x10);
-    for (const auto& broken : {parse_irradiance_file(changed, "cache"), parse_irradiance_file(bytes.substr(0, i), "cache")}) {
+    for (const auto& broken :
+         {parse_irradiance_file(changed, "cache"), parse_irradiance_file(bytes.substr(0, i), "cache")}) {
       ASSERT_FALSE(broken) << i;
       ASSERT_EQ(broken.error().message.rfind("cache: byte ", 0), 0u) << broken.error().message;
       ASSERT_NE(broken.error().message.find("; expected "), std::string::npos);
@@ -81,7 +83,8 @@ std::string message_of(const IrradianceFile& file) {
 TEST(IrradianceFile, SaysWhatIsWrongBelowARightChecksum) {
   IrradianceFile file = some_file(2);
   file.records[1].position.x = kInfinity;
-  EXPECT_NE(message_of(file).find("position of a record; expected a finite number"), std::string::npos) << message_of(file);
+  EXPECT_NE(message_of(file).find("position of a record; expected a finite number"), std::string::npos)
+      << message_of(file);
   file = some_file(2);
   file.records[0].normal *= 2.0f;
   EXPECT_NE(message_of(file).find("normal of a record; expected a unit vector"), std::string::npos);
@@ -97,7 +100,8 @@ TEST(IrradianceFile, SaysWhatIsWrongBelowARightChecksum) {
   file = some_file(1);
   file.grid.rings = 4000;  // promises more cells than there are bytes
   file.grid.sectors = 4000;
-  EXPECT_NE(message_of(file).find("number of records; expected at most 0"), std::string::npos) << message_of(file);
+  EXPECT_NE(message_of(file).find("number of records; expected at most 0"), std::string::npos)
+      << message_of(file);
 }
 
 TEST(IrradianceFile, RoundsReachesUpByLessThanAHundredth) {

@@ -17,7 +17,8 @@ struct Seen {
 };
 
 template <typename Look>
-HemisphereSamples sample(const HemisphereGrid& grid, const Vec3f& origin, const Frame& frame, PathRng& rng, Look&& look) {
+HemisphereSamples sample(const HemisphereGrid& grid, const Vec3f& origin, const Frame& frame, PathRng& rng,
+                         Look&& look) {
   HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells()), std::vector<float>(grid.cells())};
   for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
     const Seen seen = look(origin, frame.to_world(grid.direction(cell, rng.next2())));
@@ -74,8 +75,8 @@ Means means_of(const HemisphereGrid& grid, const Vec3f& point, const Vec3f& norm
   return means;
 }
 
-/// Part by which a gradient of these grids is off: walls stand where blocks meet, not where the light's edge is (6 % with 4,096
-/// rays below this lamp, less with more).
+/// Part by which a gradient of these grids is off: walls stand where blocks meet, not where the light's edge
+/// is (6 % with 4,096 rays below this lamp, less with more).
 constexpr double kGridBias = 0.04;
 
 TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormula) {
@@ -87,7 +88,8 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
     const Frame frame = Frame::from_normal(normal);
     double steepest = 0.0;
     for (const Vec3f& t : {frame.t, frame.b}) {
-      const double slope = (rectangle_irradiance(point + t * kStep, normal) - rectangle_irradiance(point - t * kStep, normal)) /
+      const double slope = (rectangle_irradiance(point + t * kStep, normal) -
+                            rectangle_irradiance(point - t * kStep, normal)) /
                            (2.0 * double{kStep});
       steepest = std::max(steepest, std::abs(slope));
     }
@@ -96,10 +98,12 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
       std::vector<double> along;
       for (std::size_t run = 0; run < means.irradiance.size(); ++run) {
         double sum = 0.0;
-        for (std::size_t axis = 0; axis < 3; ++axis) sum += means.translation[axis][run] * double{t[static_cast<int>(axis)]};
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          sum += means.translation[axis][run] * double{t[static_cast<int>(axis)]};
         along.push_back(sum);
       }
-      const double slope = (rectangle_irradiance(point + t * kStep, normal) - rectangle_irradiance(point - t * kStep, normal)) /
+      const double slope = (rectangle_irradiance(point + t * kStep, normal) -
+                            rectangle_irradiance(point - t * kStep, normal)) /
                            (2.0 * double{kStep});
       EXPECT_TRUE(test::agrees(test::estimate(along), slope, kGridBias * steepest));
       // Turning towards a tangent.
@@ -114,7 +118,8 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
       }
       const auto turned = [&](float by) { return rectangle_irradiance(point, normalize(normal + t * by)); };
       const double change = (turned(kStep) - turned(-kStep)) / (2.0 * double{kStep});
-      EXPECT_TRUE(test::agrees(test::estimate(turning), change, kGridBias * rectangle_irradiance(point, normal)));
+      EXPECT_TRUE(
+          test::agrees(test::estimate(turning), change, kGridBias * rectangle_irradiance(point, normal)));
     }
   }
 }
@@ -140,13 +145,17 @@ TEST(IrradianceHemisphere, GradientsInACubeOfSmoothLightAreFiniteDifferences) {
     return estimate_irradiance(sample(fine, p, f, rng, cube), f).irradiance;
   };
   const Vec3f x{1, 0, 0};
-  const Rgb moved = (irradiance_at(point + x * kStep, frame) - irradiance_at(point - x * kStep, frame)) / (2.0f * kStep);
+  const Rgb moved =
+      (irradiance_at(point + x * kStep, frame) - irradiance_at(point - x * kStep, frame)) / (2.0f * kStep);
   const auto turned_frame = [&](float by) { return Frame::from_normal(normalize(Vec3f{by, 1.0f, 0.0f})); };
-  const Rgb turned = (irradiance_at(point, turned_frame(kStep)) - irradiance_at(point, turned_frame(-kStep))) / (2.0f * kStep);
+  const Rgb turned =
+      (irradiance_at(point, turned_frame(kStep)) - irradiance_at(point, turned_frame(-kStep))) /
+      (2.0f * kStep);
   std::array<std::vector<double>, 3> translation, rotation;
   for (std::uint32_t run = 0; run < 40; ++run) {
     PathRng rng(3, Stream::kTest, 2, run);
-    const auto estimate = estimate_irradiance(sample(HemisphereGrid::of_rays(1024), point, frame, rng, cube), frame);
+    const auto estimate =
+        estimate_irradiance(sample(HemisphereGrid::of_rays(1024), point, frame, rng, cube), frame);
     const Rgb along = change_along(estimate.translation, x);
     const Rgb turn = change_along(estimate.rotation, cross(Vec3f{0, 1, 0}, x));
     for (std::size_t c = 0; c < 3; ++c) {
@@ -167,8 +176,11 @@ TEST(IrradianceHemisphere, UnderAUniformSkyNothingChangesButWithTheHorizon) {
   const Frame frame = Frame::from_normal(normalize({1, 2, -1}));
   const HemisphereGrid grid = HemisphereGrid::of_rays(512);
   PathRng rng(4, Stream::kTest, 3, 0);
-  const auto estimate =
-      estimate_irradiance(sample(grid, {0, 0, 0}, frame, rng, [](const Vec3f&, const Vec3f&) { return Seen{{1, 1, 1}, kInfinity}; }), frame);
+  const auto estimate = estimate_irradiance(sample(grid, {0, 0, 0}, frame, rng,
+                                                   [](const Vec3f&, const Vec3f&) {
+                                                     return Seen{{1, 1, 1}, kInfinity};
+                                                   }),
+                                            frame);
   EXPECT_NEAR(estimate.irradiance.x, kPi, 1e-4f);
   EXPECT_TRUE(std::isinf(estimate.harmonic_distance));
   EXPECT_LT(length(estimate.translation[0]), 1e-5f);
@@ -185,7 +197,8 @@ TEST(IrradianceHemisphere, CellsOfAGridShareTheHemisphereEvenly) {
     }
     // Corners of neighbouring cells meet: the cells tile the disc below the hemisphere.
     for (std::uint32_t cell = 0; cell + grid.sectors < grid.cells(); ++cell) {
-      const Vec3f outer = grid.direction(cell, {1.0f, 0.5f}), inner = grid.direction(cell + grid.sectors, {0.0f, 0.5f});
+      const Vec3f outer = grid.direction(cell, {1.0f, 0.5f}),
+                  inner = grid.direction(cell + grid.sectors, {0.0f, 0.5f});
       ASSERT_LT(length(outer - inner), 1e-5f);
     }
   }

@@ -77,8 +77,11 @@ TEST(SceneChange, IsCrossedBySegmentsThatReachABox) {
     const Vec3f direction = sample_sphere(rng.next2());
     const float length = 3.0f * rng.next1();
     bool inside = false;
-    for (int k = 0; k <= 3000; ++k) inside = inside || change.holds(origin + direction * (length * static_cast<float>(k) / 3000.0f));
-    if (inside) { ASSERT_TRUE(change.crossed(origin, direction, length)); }
+    for (int k = 0; k <= 3000; ++k)
+      inside = inside || change.holds(origin + direction * (length * static_cast<float>(k) / 3000.0f));
+    if (inside) {
+      ASSERT_TRUE(change.crossed(origin, direction, length));
+    }
   }
 }
 
@@ -98,11 +101,13 @@ TEST(ChangedLight, OfALampStaysInItsRoom) {
   const SceneMaker without = two_rooms(false), with = two_rooms(true);
   for (const bool added : {true, false}) {
     const auto scene = (added ? with : without).build();
-    const SceneChange change = added ? change_between(parts_of(without), parts_of(with)) : change_between(parts_of(with), parts_of(without));
+    const SceneChange change = added ? change_between(parts_of(without), parts_of(with))
+                                     : change_between(parts_of(with), parts_of(without));
     EXPECT_EQ(change.gone_lights.size(), added ? 0u : 1u);
     const ChangedLight light(*scene, change, 0, 1);
     for (float z = -0.9f; z < 1.0f; z += 0.3f) {
-      // Irradiance on the floor below a point light of 1 W/sr is cos^3 / h^2, reflected 0.6 / pi of it; more comes by bounces.
+      // Irradiance on the floor below a point light of 1 W/sr is cos^3 / h^2, reflected 0.6 / pi of it; more
+      // comes by bounces.
       EXPECT_GT(light.radiance({1.0f, 0.0f, z}), 0.05f) << added;
       EXPECT_EQ(light.radiance({-1.0f, 0.0f, z}), 0.0f) << added;
     }
@@ -138,7 +143,8 @@ TEST(ChangedPart, CountsRaysThatCrossAndWhatOthersSee) {
     IrradianceRecord record;
     record.position = position;
     record.normal = {0, 1, 0};
-    HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 1, 1}), std::vector<float>(grid.cells())};
+    HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 1, 1}),
+                              std::vector<float>(grid.cells())};
     for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
       PathRng rng(9, Stream::kIrradiance, 0, cell);
       const Vec3f direction = Frame::from_normal(record.normal).to_world(grid.direction(cell, rng.next2()));
