@@ -128,7 +128,7 @@ const Reference& peer_reference() {
 void expect_the_rate(const Scene& scene, const Reference& reference, int seeds, IntegratorType type = IntegratorType::kSppm) {
   // A pixel of PPM is the mean over its hit points: while their discs are smaller than the pixel, noise falls faster.
   const bool ppm = type == IntegratorType::kPpm;
-  const std::vector<std::uint64_t> stops = ppm ? std::vector<std::uint64_t>{4, 8, 16, 32, 64, 128}
+  const std::vector<std::uint64_t> stops = ppm ? std::vector<std::uint64_t>{4, 8, 16, 32, 64}
                                                : std::vector<std::uint64_t>{4, 8, 16, 32, 64, 128, 256, 400};
   std::vector<double> slopes;
   std::vector<double> mean(stops.size());
@@ -146,7 +146,7 @@ void expect_the_rate(const Scene& scene, const Reference& reference, int seeds, 
   for (std::size_t i = 0; i < stops.size(); ++i)
     std::printf("  %4d sub-passes: %.3g\n", static_cast<int>(stops[i]), mean[i]);
   const double kSteepest = ppm ? -1.0 : -0.80, kFlattest = -0.55;
-  EXPECT_LT(slope.error, ppm ? 0.05 : 0.03) << "the seeds do not say enough";
+  EXPECT_LT(slope.error, ppm ? 0.06 : 0.03) << "the seeds do not say enough";
   EXPECT_GT(slope.mean + 3.0 * slope.error, kSteepest);
   EXPECT_LT(slope.mean - 3.0 * slope.error, kFlattest);
 }

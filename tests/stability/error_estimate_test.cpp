@@ -59,7 +59,7 @@ TEST(ErrorEstimate, IntervalsHoldTheTruthAsOftenAsTheySay) {
   for (const IntegratorType type : {IntegratorType::kSppm, IntegratorType::kPpm}) {
     std::vector<double> within_one, within_two;
     for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-      const Judged j = judged(render(*scene, estimating_job(type, seed), 48));
+      const Judged j = judged(render(*scene, estimating_job(type, seed), 24));
       double one = 0, two = 0;
       for (std::size_t i = 0; i < truth.size(); ++i) {
         const double off = std::abs(j.value[i] - j.bias[i] - truth[i]);
