@@ -122,4 +122,9 @@ void IrradianceCacheIntegrator::gather(const Vertex& vertex, const Rgb& beta, co
   to.add_flow(kIndirect, beta * next->weight * arrival.radiance);
 }
 
+std::vector<std::string> IrradianceCacheIntegrator::warnings() const {
+  if (!file_error()) return {};
+  return {"cache.file: " + file_error()->message + "; the file is left as it is, and all records were made anew"};
+}
+
 }  // namespace pf

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "worker/integrators/gather_rays.h"
@@ -42,6 +43,8 @@ class IrradianceCacheIntegrator final : public SinglePassIntegrator {
   /// `parts`: of the scene, needed with `cache.file` only; when absent they are read from the scene's file.
   IrradianceCacheIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec,
                             std::optional<std::vector<ScenePart>> parts = std::nullopt);
+
+  [[nodiscard]] std::vector<std::string> warnings() const override;
 
   [[nodiscard]] const IrradianceCache& cache() const { return cache_; }
   [[nodiscard]] const IrradianceFigures& figures() const { return builder_.figures(); }

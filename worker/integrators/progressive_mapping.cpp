@@ -198,11 +198,10 @@ struct ProgressiveMapping::RadianceSink {
   void gather_flow(Flow flow, std::size_t point, bool steers, const Vertex& vertex, const Rgb& beta, const Vec2f& u) {
     const DiscQuery query = query_at(vertex, state[point][flow].radius2 * ratio);
     std::uint32_t count = 0;
-    float moment = 0.0f;
-    const bool with_bias = integrator.film_.extra == Extra::kBias;
-    Rgb flux = with_bias ? reflected_by_each(trees[flow], query, vertex, beta, count, &moment)
-                         : reflected_flux(trees[flow], query, vertex, count);
+    Rgb flux = reflected_flux(trees[flow], query, vertex, count);
     if (count == 0) return;
+    const bool with_bias = integrator.film_.extra == Extra::kBias;
+    float moment = with_bias ? bias_moment(trees[flow], query, vertex, beta) : 0.0f;
     if (steers) sums[point].photons[flow] += count;
     flux *= beta;
     if (query.radius2 > state[point].covered_radius * state[point].covered_radius) {
@@ -233,30 +232,36 @@ struct ProgressiveMapping::RadianceSink {
                                            static_cast<float>(static_cast<double>(sum.steps[1]) * step),
                                            static_cast<float>(static_cast<double>(sum.steps[2]) * step)};
     }
-    return reflected_by_each(tree, query, vertex, {0.0f, 0.0f, 0.0f}, count, nullptr);
+    const std::vector<std::uint32_t>& indices = found(tree, query);
+    count = static_cast<std::uint32_t>(indices.size());
+    Rgb sum{0.0f, 0.0f, 0.0f};
+    for (const std::uint32_t i : indices) sum += reflected_photon(tree, i, vertex);
+    return sum * static_cast<float>(integrator.tracer_.flux_unit());
   }
-  /// The same photon by photon. `moment`: what the disc's bias is estimated from. With a flux density p + c d^2 around the middle,
-  /// photons at distance d sum up to pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the
-  /// Laplacian of [Hachisuka, Jarosz and Jensen 2010, 4.2], by a quadratic kernel over the same disc.
-  [[nodiscard]] Rgb reflected_by_each(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex, const Rgb& beta,
-                                      std::uint32_t& count, float* moment) const {
+  [[nodiscard]] static const std::vector<std::uint32_t>& found(const PhotonTree& tree, const DiscQuery& query) {
     thread_local std::vector<std::uint32_t> indices;
     indices.clear();
     tree.collect(query, indices);
-    count = static_cast<std::uint32_t>(indices.size());
-    const auto unit = static_cast<float>(integrator.tracer_.flux_unit());
-    Rgb sum{0.0f, 0.0f, 0.0f};
-    for (const std::uint32_t i : indices) {
-      const Rgb f = vertex.bsdf.gather_is_lambert()
-                        ? vertex.bsdf.lambert_f()
-                        : vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather);
-      const Rgb reflected = f * tree.flux(i);
-      sum += reflected;
-      if (moment == nullptr) continue;
+    return indices;
+  }
+  /// One photon's part, in units of flux_unit().
+  [[nodiscard]] static Rgb reflected_photon(const PhotonTree& tree, std::uint32_t i, const Vertex& vertex) {
+    const Rgb f = vertex.bsdf.gather_is_lambert()
+                      ? vertex.bsdf.lambert_f()
+                      : vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather);
+    return f * tree.flux(i);
+  }
+  /// What the disc's bias is estimated from. With a flux density p + c d^2 around the middle, photons at distance d sum up to
+  /// pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the Laplacian of [Hachisuka, Jarosz and
+  /// Jensen 2010, 4.2], by a quadratic kernel over the same disc. Of the luminance; apart from the flux, whose bits must not
+  /// depend on whether anybody asks for its error.
+  [[nodiscard]] float bias_moment(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex, const Rgb& beta) const {
+    float moment = 0.0f;
+    for (const std::uint32_t i : found(tree, query)) {
       const Vec3f offset = tree.position(i) - query.position;
-      *moment += luminance(beta * reflected) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f) * unit;
+      moment += luminance(beta * reflected_photon(tree, i, vertex)) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
     }
-    return sum * unit;
+    return moment * static_cast<float>(integrator.tracer_.flux_unit());
   }
 };
 
