@@ -6,7 +6,7 @@
 namespace pf {
 
 /// Version of every message; another one is refused and named.
-inline constexpr std::uint32_t kWireVersion = 1;
+inline constexpr std::uint32_t kWireVersion = 2;
 /// Largest payload of one chunk, before the envelope: with it a message stays below the engine's default of 1
 /// MiB.
 inline constexpr std::size_t kMaxChunkBytes = 1000 * 1000;

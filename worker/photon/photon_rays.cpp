@@ -23,9 +23,9 @@ RayKernel::Plane plane_of(const SurfacePoint& point, const Vec3f& side) {
 /// A photon on its way.
 struct PhotonRays::Walk {
   PathRng rng{0, Stream::kPhoton, 0, 0};
-  Ray ray;
-  Vec3f position;  ///< of the lamp or of the last surface
-  Rgb flux;        ///< [W]
+  Ray ray{{0, 0, 0}, {0, 0, 1}};
+  Vec3f position{0, 0, 0};  ///< of the lamp or of the last surface
+  Rgb flux{0, 0, 0};        ///< [W]
   MediumStack media;
   PhotonDifferential differential;
   RayKernel::Plane start;

@@ -91,7 +91,8 @@ TEST(IrradianceCaching, PutsRecordsIntoCornersRatherThanOntoWalls) {
   JobSpec spec = small(96, 96);
   spec.irradiance_cache.rays = 256;
   std::array<int, 2> placed{};
-  for (const IrradianceRecord& record : look(*scene, spec)->cache().records()) {
+  const auto integrator = look(*scene, spec);
+  for (const IrradianceRecord& record : integrator->cache().records()) {
     // On the far wall, by the distance to its nearest edge: the outer ring has the area of the inner square.
     if (record.normal.z < 0.99f || record.position.z > -0.99f) continue;
     const float off = std::max(std::abs(record.position.x), std::abs(record.position.y));

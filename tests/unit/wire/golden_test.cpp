@@ -56,7 +56,7 @@ void expect_golden(const std::string& name, const Message& message, Parse parse,
   EXPECT_EQ(parsed->DebugString(), message.DebugString());
 }
 
-TEST(WireGolden, EveryMessageHasTheBytesOfVersionOne) {
+TEST(WireGolden, EveryMessageHasTheBytesOfThisVersion) {
   expect_golden("task", test::sample_task(), &parse_task, '0');
   expect_golden("prepare_task", test::sample_prepare_task(), &parse_task, '0');
   for (const std::string& body : test::from_worker_bodies()) {
@@ -82,7 +82,7 @@ void expect_golden_chunk(const std::string& name, const std::string& chunk, std:
   decode(golden(name + "_chunk", chunk, selector));
 }
 
-TEST(WireGolden, StatisticsHaveTheBytesOfVersionOne) {
+TEST(WireGolden, StatisticsHaveTheBytesOfThisVersion) {
   const Statistics sums = test::sample_statistics(8, 4, true);
   expect_golden_chunk("statistics", pack_statistics(sums).chunks.at(0), "PFS1", '4',
                       [&](const std::string& chunk) {
@@ -95,7 +95,7 @@ TEST(WireGolden, StatisticsHaveTheBytesOfVersionOne) {
                       });
 }
 
-TEST(WireGolden, RadiiHaveTheBytesOfVersionOne) {
+TEST(WireGolden, RadiiHaveTheBytesOfThisVersion) {
   const auto state = test::sample_state(32);
   std::string packed;
   ASSERT_TRUE(pack_state(state, [&](std::string_view chunk) -> Result<void> {
