@@ -72,10 +72,10 @@ bool FarmJob::is_wanted(const wire::ResultManifest& manifest, std::string& why_n
 bool FarmJob::figures_are_plausible(const wire::ResultManifest& manifest) const {
   if (!std::isfinite(manifest.trace_seconds()) || manifest.trace_seconds() < 0) return false;
   if (manifest.kind() == wire::Task::PREPARE) return true;
-  const std::uint64_t paths = film_->options().estimator == Estimator::kPath
-                                  ? 0
-                                  : sub_passes_of(manifest) * static_cast<std::uint64_t>(record_.spec.integrator.photons);
-  return manifest.photon_paths() == paths;
+  const std::uint64_t paths = sub_passes_of(manifest) * static_cast<std::uint64_t>(record_.spec.integrator.photons);
+  // Methods whose radiance is a plain mean trace no photons in a sub-pass, or, splatting them, as many as the others.
+  const bool none = film_->options().estimator == Estimator::kPath && manifest.photon_paths() == 0;
+  return none || manifest.photon_paths() == paths;
 }
 
 void FarmJob::compare_with_first(const std::string& worker, const wire::ResultManifest& manifest) {
