@@ -58,10 +58,10 @@ TEST(WireMessages, AreTakenAsTheyAre) {
 }
 
 TEST(WireMessages, OfAnotherVersionAreNamed) {
-  EXPECT_NAMES(task_error([](auto& t) { t.set_version(2); }), "Task.version: expected 1, got 2");
+  EXPECT_NAMES(task_error([](auto& t) { t.set_version(1); }), "Task.version: expected 2, got 1");
   EXPECT_NAMES(from_worker_error("log", [](auto& m) { m.set_version(0); }), "FromWorker.version");
   EXPECT_NAMES(to_worker_error("welcome", [](auto& m) { m.set_version(9); }), "ToWorker.version");
-  EXPECT_NAMES(bundle_error([](auto& b) { b.set_version(2); }), "Bundle.version");
+  EXPECT_NAMES(bundle_error([](auto& b) { b.set_version(1); }), "Bundle.version");
 }
 
 TEST(WireMessages, TasksAreCheckedFieldByField) {
