@@ -13,6 +13,7 @@ namespace {
 constexpr int kSteps = 4;             ///< points along each edge of a cell at which its bound is measured
 constexpr float kBoundMargin = 1.1f;  ///< what may lie between those points, beyond them
 constexpr float kSlack = 1e-3f;       ///< rounding, and rays that start a little off their light
+constexpr float kCoarseBalls = 0.12f;  ///< spacing of the balls that the environment's groups see, in the scene's radius
 constexpr std::uint64_t kPunctual = std::uint64_t{1} << 40, kEnvironment = std::uint64_t{1} << 41;
 
 /// Calls f(u) for points along the edges of cell (x, y) of `edge` x `edge`.
@@ -50,49 +51,57 @@ auto cone_of_cell(std::uint32_t x, std::uint32_t y, std::uint32_t edge, const Di
 
 }  // namespace
 
-SurfaceBalls::SurfaceBalls(const Box3f& bounds) : bounds_(bounds) {
-  const Vec3f size = bounds.size();
-  size_ = std::max({size.x, size.y, size.z}) / kResolution;
-}
-
-void SurfaceBalls::add(const std::array<Vec3f, 3>& corners, bool specular) {
-  // Cut the longest side in two until all are short.
-  std::vector<std::array<Vec3f, 3>> left{corners};
-  while (!left.empty()) {
-    const std::array<Vec3f, 3> t = left.back();
-    left.pop_back();
-    std::size_t longest = 0;
-    const auto side2 = [&](std::size_t i) { return length2(t[(i + 1) % 3] - t[i]); };
-    for (std::size_t i = 1; i < 3; ++i) {
-      if (side2(i) > side2(longest)) longest = i;
+/// Where on the disc outside the scene balls lie, as a picture of kRows x kRows pixels, a word a row: quick to draw in, whatever
+/// the number of balls, and never smaller than they are.
+class ProjectionMap::DiscPicture {
+ public:
+  void draw(const Vec3f& center, float radius) {
+    const float reach = radius + kSlack;
+    for (int row = pixel(center.y - reach); row <= pixel(center.y + reach); ++row) {
+      const float low = static_cast<float>(row) / kHalf - 1.0f;
+      const float away = std::max({0.0f, low - center.y, center.y - (low + 1.0f / kHalf)});
+      const float width = std::sqrt(std::max(0.0f, reach * reach - away * away));
+      rows_[static_cast<std::size_t>(row)] |= bits(pixel(center.x - width), pixel(center.x + width));
     }
-    const Vec3f &a = t[longest], &b = t[(longest + 1) % 3], &c = t[(longest + 2) % 3];
-    if (!(side2(longest) > size_ * size_) || !(size_ > 0.0f)) {
-      add_piece(t, specular);
-      continue;
+  }
+  /// Whether something is drawn near enough to count as within the circle.
+  [[nodiscard]] bool meets(const Bound& circle) const {
+    const std::uint64_t across = bits(pixel(circle.center.x - circle.radius), pixel(circle.center.x + circle.radius));
+    for (int row = pixel(circle.center.y - circle.radius); row <= pixel(circle.center.y + circle.radius); ++row) {
+      if ((rows_[static_cast<std::size_t>(row)] & across) != 0) return true;
     }
-    const Vec3f middle = (a + b) * 0.5f;
-    left.push_back({a, middle, c});
-    left.push_back({middle, b, c});
+    return false;
   }
-}
 
-void SurfaceBalls::add_piece(const std::array<Vec3f, 3>& corners, bool specular) {
-  const Vec3f middle = (corners[0] + corners[1] + corners[2]) * (1.0f / 3.0f) - bounds_.min;
-  std::array<int, 4> cell{0, 0, 0, specular ? 1 : 0};
-  for (int axis = 0; axis < 3 && size_ > 0.0f; ++axis) {
-    cell[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(middle[axis] / size_));
-  }
-  Box3f& box = pieces_[cell];
-  for (const Vec3f& corner : corners) box.extendBy(corner);
-}
+ private:
+  static constexpr int kRows = 64;
+  static constexpr float kHalf = 0.5f * kRows;  ///< pixels per unit of the disc's radius
 
-std::vector<SurfaceBall> SurfaceBalls::balls() const {
-  std::vector<SurfaceBall> balls;
-  for (const auto& [cell, box] : pieces_) {
-    balls.push_back({box.center(), 0.5f * length(box.size()) * (1.0f + kSlack), cell[3] != 0});
+  static int pixel(float x) {
+    return std::clamp(static_cast<int>(std::floor((x + 1.0f) * kHalf)), 0, kRows - 1);
   }
-  return balls;
+  static std::uint64_t bits(int first, int last) {
+    return (~std::uint64_t{0} >> (kRows - 1 - (last - first))) << first;
+  }
+  std::array<std::uint64_t, kRows> rows_{};
+};
+
+std::vector<ProjectionMap::Bound> ProjectionMap::disc_cells() {
+  std::vector<Bound> cells;
+  for (std::uint32_t cell = 0; cell < kDiscEdge * kDiscEdge; ++cell) {
+    std::vector<Vec3f> around;
+    Vec3f sum{0, 0, 0};
+    for_each_edge_point(cell % kDiscEdge, cell / kDiscEdge, kDiscEdge, [&](const Vec2f& u) {
+      const Vec2f p = sample_disk(u);
+      around.push_back({p.x, p.y, 0.0f});
+      sum += around.back();
+    });
+    const Vec3f middle = sum / static_cast<float>(around.size());
+    float reach = 0.0f;
+    for (const Vec3f& p : around) reach = std::max(reach, length(p - middle));
+    cells.push_back({middle, reach * kBoundMargin + kSlack});
+  }
+  return cells;
 }
 
 bool ProjectionMap::View::is_on(const Vec2f& u) const {
@@ -176,15 +185,18 @@ void ProjectionMap::add_view(float u_pick, std::span<const SurfaceBall> balls) {
   const auto other = lights_.emit(u_pick, {0.75f, 0.75f}, {0.5f, 0.5f});
   if (!picked || !other || views_.contains(key(*picked))) return;
   if (of_environment(*picked)) {
+    // The groups are wide themselves: balls may be as well.
+    const std::vector<SurfaceBall> coarse = merged_balls(balls, kCoarseBalls * radius_);
+    const std::vector<Bound> cells = disc_cells();
     std::vector<View> groups(std::size_t{kTurns} * kHeights);
-    parallel_for(groups.size(), [&](std::size_t i) { groups[i] = distant_view(group(i), balls); });
+    parallel_for(groups.size(), [&](std::size_t i) { groups[i] = distant_view(group(i), cells, coarse); });
     for (std::size_t i = 0; i < groups.size(); ++i) views_[kEnvironment + i] = std::move(groups[i]);
   } else if (picked->triangle >= 0) {
     const Box3f box =
         lights_.area_lights()[area_of_triangle_[static_cast<std::size_t>(picked->triangle)]].box();
     views_[key(*picked)] = near_view(u_pick, box.center(), 0.5f * length(box.size()), balls);
   } else if (length2(picked->emission.origin - other->emission.origin) > 0.0f) {
-    views_[key(*picked)] = distant_view({picked->emission.direction, 0.0f}, balls);
+    views_[key(*picked)] = distant_view({picked->emission.direction, 0.0f}, disc_cells(), balls);
   } else {
     views_[key(*picked)] = near_view(u_pick, picked->emission.origin, 0.0f, balls);
   }
@@ -231,38 +243,22 @@ ProjectionMap::View ProjectionMap::near_view(float u_pick, const Vec3f& center, 
   return view;
 }
 
-ProjectionMap::View ProjectionMap::distant_view(const Bound& directions,
+ProjectionMap::View ProjectionMap::distant_view(const Bound& directions, std::span<const Bound> cells,
                                                 std::span<const SurfaceBall> balls) const {
   View view;
   view.distant = true;
   const Frame frame = Frame::from_normal(directions.center);
   view.tangent = frame.t;
-  std::vector<std::uint8_t> mask(std::size_t{kDiscEdge} * kDiscEdge, 0);
-  std::vector<Bound> cells;
-  for (std::uint32_t cell = 0; cell < mask.size(); ++cell) {
-    std::vector<Vec3f> around;
-    Vec3f sum{0, 0, 0};
-    for_each_edge_point(cell % kDiscEdge, cell / kDiscEdge, kDiscEdge, [&](const Vec2f& u) {
-      const Vec2f p = sample_disk(u);
-      around.push_back({p.x, p.y, 0.0f});
-      sum += around.back();
-    });
-    const Vec3f middle = sum / static_cast<float>(around.size());
-    float reach = 0.0f;
-    for (const Vec3f& p : around) reach = std::max(reach, length(p - middle));
-    cells.push_back({middle, reach * kBoundMargin + kSlack});
-  }
+  DiscPicture picture;
   for (const SurfaceBall& ball : balls) {
     const Vec3f d = (ball.center - center_) / radius_;
-    const Vec3f at{dot(d, frame.t), dot(d, frame.b), 0.0f};
     // The disc's axes turn with the direction: by its angle to the group's axis the first, by at most sqrt(2)
     // times that the second [rad]; together by less than twice.
-    const float reach = ball.radius / radius_ + 2.0f * directions.radius * length(d);
-    for (std::size_t cell = 0; cell < cells.size(); ++cell) {
-      const float limit = reach + cells[cell].radius;
-      if (length2(at - cells[cell].center) <= limit * limit) mask[cell] = 1;
-    }
+    picture.draw({dot(d, frame.t), dot(d, frame.b), 0.0f},
+                 ball.radius / radius_ + 2.0f * directions.radius * length(d));
   }
+  std::vector<std::uint8_t> mask;
+  for (const Bound& cell : cells) mask.push_back(picture.meets(cell) ? 1 : 0);
   view.set(kDiscEdge, mask);
   return view;
 }

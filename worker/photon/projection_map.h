@@ -38,6 +38,9 @@ class SurfaceBalls {
   std::map<std::array<int, 4>, Box3f> pieces_;  ///< by grid cell, and whether specular
 };
 
+/// Fewer balls that hold the same surfaces: those in one cell of a grid of this edge [m] become one. None is specular.
+[[nodiscard]] std::vector<SurfaceBall> merged_balls(std::span<const SurfaceBall> balls, float edge);
+
 /// Which directions, seen from each light, hold surfaces [Jensen 1996, 3.1; Jensen 2001, 5.2.3]: photons are
 /// emitted through On cells only, with their flux scaled by the On cells' share of the light, so that
 /// estimates stay unbiased.
@@ -98,12 +101,16 @@ class ProjectionMap {
     Vec3f center;
     float radius;
   };
+  class DiscPicture;
 
   void find_views(std::uint32_t first, std::uint32_t last, std::span<const SurfaceBall> balls);
   void add_view(float u_pick, std::span<const SurfaceBall> balls);
   [[nodiscard]] View near_view(float u_pick, const Vec3f& center, float radius,
                                std::span<const SurfaceBall> balls) const;
-  [[nodiscard]] View distant_view(const Bound& directions, std::span<const SurfaceBall> balls) const;
+  /// Bounds of the cells of any view's disc, row by row.
+  [[nodiscard]] static std::vector<Bound> disc_cells();
+  [[nodiscard]] View distant_view(const Bound& directions, std::span<const Bound> cells,
+                                  std::span<const SurfaceBall> balls) const;
   [[nodiscard]] double measure_on_share() const;
   /// Which view an emission goes through.
   [[nodiscard]] std::uint64_t key(const Lights::EmissionPicked& picked) const;
