@@ -2,6 +2,7 @@
 
 #include <immintrin.h>
 
+#include <array>
 #include <cmath>
 
 #include "common/math/vec.h"
@@ -17,6 +18,12 @@ inline constexpr float kOneMinusEpsilon = 0x1.fffffep-1f;
   return _mm_cvtss_f32(_mm_blendv_ps(_mm_set_ss(b), _mm_set_ss(a), mask));
 }
 
+/// Coefficients of glibc's sincosf (2.28 and later), for angles of at most pi/4.
+inline constexpr std::array kSine = {-0x1.994eb3774cf24p-13, 0x1.1107605230bc4p-7, -0x1.555545995a603p-3};
+inline constexpr std::array kCosine = {0x1.99343027bf8c3p-16, -0x1.6c087e89a359dp-10, 0x1.55553e1068f19p-5,
+                                       -0x1.ffffffd0c621cp-2};
+inline constexpr double kQuarterTurn = 0x1.921FB54442D18p0;  ///< pi/2
+
 /// Concentric map of the unit square to the unit disc [Shirley and Chiu 1997].
 ///
 /// Every diffuse bounce draws from it, so it has no branch that chance decides. Sine and cosine are the polynomials of glibc's
@@ -31,12 +38,11 @@ inline constexpr float kOneMinusEpsilon = 0x1.fffffep-1f;
   // theta is in [-pi/4, pi/4] if wide, else in [pi/4, 3 pi/4]; then a quarter turn is taken off, and sine and cosine change
   // places.
   const float theta = choose(wide, 0.0f, kPi / 2.0f) + choose(wide, kPi / 4.0f, -kPi / 4.0f) * across;
-  const double v = static_cast<double>(choose(wide, theta, -theta)) + (wide ? 0.0 : 0x1.921FB54442D18p0);
+  const double v = static_cast<double>(choose(wide, theta, -theta)) + (wide ? 0.0 : kQuarterTurn);
   const double v2 = v * v, v3 = v2 * v, v4 = v2 * v2;
-  const double odd = std::fma(v3 * v2, std::fma(v2, -0x1.994eb3774cf24p-13, 0x1.1107605230bc4p-7),
-                              std::fma(v3, -0x1.555545995a603p-3, v));
-  const double even = std::fma(v4 * v2, std::fma(v2, 0x1.99343027bf8c3p-16, -0x1.6c087e89a359dp-10),
-                               std::fma(v4, 0x1.55553e1068f19p-5, std::fma(v2, -0x1.ffffffd0c621cp-2, 1.0)));
+  const double odd = std::fma(v3 * v2, std::fma(v2, kSine[0], kSine[1]), std::fma(v3, kSine[2], v));
+  const double even = std::fma(v4 * v2, std::fma(v2, kCosine[0], kCosine[1]),
+                               std::fma(v4, kCosine[2], std::fma(v2, kCosine[3], 1.0)));
   const float at_odd = r * static_cast<float>(odd), at_even = r * static_cast<float>(even);
   return {choose(wide, at_even, at_odd), choose(wide, at_odd, at_even)};
 }

@@ -42,7 +42,7 @@ struct SurfaceParams {
 };
 
 /// Albedo of a surface that is one Lambert reflector whatever medium is around it, and empty for any other. Photons meet such
-/// a surface as a LambertSurface.
+/// a surface as LambertLanes.
 [[nodiscard]] std::optional<Rgb> plain_lambert_albedo(const SurfaceParams& p);
 
 struct BsdfSample {

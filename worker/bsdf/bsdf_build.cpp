@@ -104,7 +104,7 @@ Bsdf::Bsdf(const SurfaceParams& p, const Vec3f& wo) : wo_(wo) {
   front_ = side >= 0.0f;
   ng_ = front_ ? p.ng : -p.ng;
   // The comparison also turns away NaN.
-  if (!(std::abs(side) > LambertSurface::kGrazing) || !is_unit(p.ng) || !is_unit(wo)) {
+  if (!(std::abs(side) > kGrazing) || !is_unit(p.ng) || !is_unit(wo)) {
     ng_ = is_unit(p.ng) ? ng_ : Vec3f(0.0f, 0.0f, 1.0f);
     shading_ = Frame::from_normal(ng_);
     is_black_ = true;

@@ -27,30 +27,7 @@ struct LambertSample {
   return s;
 }
 
-/// A surface that is one Lambert reflector whatever is around it (is_plain_lambert() in bsdf.h), as photons meet it: what Bsdf
-/// gives for it, to the bit, without what only other surfaces need. Normals are unit and on the mesh's front side.
-class LambertSurface {
- public:
-  LambertSurface(const Vec3f& ng, const Vec3f& ns, const Vec3f& wo) : wo_(wo) {
-    const float side = dot(wo, ng);
-    const bool front = side >= 0.0f;
-    seen_ = std::abs(side) > kGrazing;  // false for NaN
-    ng_ = front ? ng : -ng;
-    ns_ = visible_normal(ns, front, ng_, wo);
-  }
-  /// Cosines of wo below which a surface is taken as seen edge-on: black.
-  static constexpr float kGrazing = 1e-9f;
-
-  [[nodiscard]] bool seen() const { return seen_; }
-  [[nodiscard]] const Vec3f& ng() const { return ng_; }
-  [[nodiscard]] const Vec3f& ns() const { return ns_; }
-  [[nodiscard]] LambertSample sample_flux(const Rgb& albedo, const Vec2f& u) const {
-    return sample_lambert(Frame::from_normal(ns_), ng_, wo_, albedo, u, true);
-  }
-
- private:
-  Vec3f wo_, ng_, ns_;
-  bool seen_;
-};
+/// Cosines of wo below which a surface is taken as seen edge-on: black.
+inline constexpr float kGrazing = 1e-9f;
 
 }  // namespace pf

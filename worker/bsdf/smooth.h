@@ -77,7 +77,7 @@ class SmoothSurface {
       : boundary_(boundary), wo_(wo), thin_(thin) {
     const float side = dot(wo, ng);
     const bool front = side >= 0.0f;
-    seen_ = std::abs(side) > LambertSurface::kGrazing;  // false for NaN
+    seen_ = std::abs(side) > kGrazing;  // false for NaN
     ng_ = front ? ng : -ng;
     mirror_ = mirror_frame(Frame::from_normal(visible_normal(ns, front, ng_, wo)), ng_, wo);
   }

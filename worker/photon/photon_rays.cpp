@@ -5,7 +5,7 @@
 #include <span>
 
 #include "common/math/frame.h"
-#include "common/math/philox.h"
+#include "worker/photon/photon_numbers.h"
 
 namespace pf {
 namespace {
@@ -22,7 +22,8 @@ RayKernel::Plane plane_of(const SurfacePoint& point, const Vec3f& side) {
 
 /// A photon on its way.
 struct PhotonRays::Walk {
-  PathRng rng{0, Stream::kPhoton, 0, 0};
+  PhotonNumbers numbers;
+  std::uint32_t path = 0;
   Ray ray{{0, 0, 0}, {0, 0, 1}};
   Vec3f position{0, 0, 0};  ///< of the lamp or of the last surface
   Rgb flux{0, 0, 0};        ///< [W]
@@ -106,11 +107,10 @@ void PhotonRays::spread_of_emission(const Lights::EmissionPicked& picked, float 
 
 bool PhotonRays::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk) const {
   walk = Walk();
-  walk.rng = PathRng(options_.seed, Stream::kPhoton, sub_pass, path);
-  const float u_light = walk.rng.next1();
-  const Vec2f u_position = walk.rng.next2();
-  const Vec2f u_direction = walk.rng.next2();
-  const auto picked = scene_.lights().emit(u_light, u_position, u_direction);
+  walk.numbers = {options_.seed, sub_pass};
+  walk.path = path;
+  const auto u = walk.numbers.draw(path, 0), more = walk.numbers.draw(path, 1);
+  const auto picked = scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]});
   if (!picked) return false;
   walk.ray = {picked->emission.origin, picked->emission.direction};
   walk.position = picked->emission.origin;
@@ -129,7 +129,7 @@ bool PhotonRays::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk) co
     walk.media = MediumStack(scene_.media_around(picked->emission.origin));
   }
   if (!(max_component(walk.flux) > 0.0f)) return false;
-  spread_of_emission(*picked, u_light, u_position, u_direction, walk);
+  spread_of_emission(*picked, u[0], {u[1], u[2]}, {u[3], more[0]}, walk);
   return true;
 }
 
@@ -172,18 +172,18 @@ bool PhotonRays::scatter(Walk& walk, const SurfacePoint& point) const {
   const SurfaceParams params = scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering));
   const Bsdf bsdf(params, wo);
   if (bsdf.is_black()) return false;
-  const float u_lobe = walk.rng.next1();
-  const auto sample = bsdf.sample(wo, u_lobe, walk.rng.next2(), Transport::kFlux);
+  const auto u = walk.numbers.draw(walk.path, PhotonNumbers::block_of(walk.bounce));
+  const auto sample = bsdf.sample(wo, u[0], {u[1], u[2]}, Transport::kFlux);
   if (!sample) return false;
   // A rough reflection counts as specular with the probability that it is followed rather than gathered.
-  if (sample->specularity <= 0.0f || (sample->specularity < 1.0f && walk.rng.next1() >= sample->specularity)) {
+  if (sample->specularity <= 0.0f ||
+      (sample->specularity < 1.0f && walk.numbers.late(walk.path, walk.bounce) >= sample->specularity)) {
     walk.specular_only = false;
   }
   // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
   const Rgb left = walk.flux * sample->weight;
   const float survival = std::min(1.0f, max_component(left) / max_component(walk.flux));
-  if (!(survival > 0.0f)) return false;
-  if (survival < 1.0f && walk.rng.next1() >= survival) return false;
+  if (!(u[3] < survival)) return false;
   walk.flux = survival < 1.0f ? left / survival : left;
   walk.share *= survival;
   spread_of_scattering(walk, point, bsdf, params, *sample);

@@ -1,16 +1,16 @@
 #include "worker/photon/photon_tracer.h"
 
 #include <algorithm>
+#include <bit>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "common/base/parallel.h"
-#include "common/math/philox.h"
-#include "worker/bsdf/lambert.h"
+#include "worker/bsdf/lambert_lanes.h"
+#include "worker/photon/photon_lanes.h"
 #include "worker/photon/photon_tree.h"
 #include "worker/photon/projection_map.h"
-#include "worker/scene/medium_stack.h"
 
 namespace pf {
 namespace {
@@ -20,36 +20,30 @@ constexpr std::uint32_t kChunk = 8192;
 
 }  // namespace
 
-/// A photon on its way.
+/// One photon of eight, where the surface decides what happens to it.
 struct PhotonTracer::Walk {
-  PathRng rng{0, Stream::kPhoton, 0, 0};
-  Vec3f position;  ///< of the lamp or of the last surface
-  Rgb flux;        ///< in units of flux_unit()
-  MediumStack media;
-  int bounce = 0;
-  bool specular_only = true;  ///< no diffuse bounce yet
+  const PhotonNumbers& numbers;
+  std::array<float, 4> u;  ///< of this bounce: lobe, direction, roulette
+  std::uint32_t path;
+  Ray ray;
+  Rgb flux;
+  MediumStack& media;
+  int bounce;
+  bool specular_only;
 
   /// Whether the photon goes on after a bounce of this weight; its flux is then what goes on. Russian roulette on the largest
   /// channel keeps photons whole [Jensen 2001, 5.2.4].
   [[gnu::always_inline]] bool survives(const Rgb& weight) {
     const Rgb left = flux * weight;
     const float survival = std::min(1.0f, max_component(left) / max_component(flux));
-    if (!(survival > 0.0f)) return false;
-    if (survival < 1.0f) {
-      if (rng.next1() >= survival) return false;
-      flux = left / survival;
-    } else {
-      flux = left;
-    }
+    if (!(u[3] < survival)) return false;
+    flux = survival < 1.0f ? left / survival : left;
     return true;
   }
-  /// Sets `ray` to what leaves `point` towards `wi`; false when that is one bounce too many.
-  [[gnu::always_inline]] bool follow(const SurfacePoint& point, const Vec3f& wi, int max_depth, Ray& ray) {
-    position = point.position;
+  /// Sends the photon from `point` towards `wi`.
+  [[gnu::always_inline]] void follow(const SurfacePoint& point, const Vec3f& wi) {
     ray.origin = offset_past(point, wi);
     ray.direction = wi;
-    ++bounce;
-    return max_depth == 0 || bounce < max_depth;
   }
 };
 
@@ -57,7 +51,12 @@ PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
     : scene_(scene),
       options_(options),
       flux_unit_(static_cast<double>(average(scene.lights().total_flux())) / options.paths),
-      emitted_scale_(static_cast<float>(1.0 / (flux_unit_ * options.paths))) {}
+      emitted_scale_(static_cast<float>(1.0 / (flux_unit_ * options.paths))) {
+  for (int material = 0; material < scene.material_count(); ++material) {
+    const Rgb* albedo = scene.plain_lambert(material);
+    matte_.push_back(albedo == nullptr ? std::array<float, 4>{} : std::array{albedo->x, albedo->y, albedo->z, 1.0f});
+  }
+}
 
 /// Photons of some paths, a record each.
 struct PhotonTracer::Part {
@@ -67,147 +66,241 @@ struct PhotonTracer::Part {
   Faults faults;
 };
 
-void PhotonTracer::store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns,
-                         Part& part) const {
-  Rgb flux = walk.flux;
-  const float geometric = dot(wo, ng);
-  const float shading = dot(wo, ns);
-  if (geometric <= 0.0f || shading <= 0.0f) return;
-  if (shading != geometric) flux *= shading / geometric;
-  if (!is_finite(flux)) {
-    ++part.faults.not_finite;
-    return;
+/// What eight photons bring to the surfaces that they meet; normals on the side that they come from.
+struct PhotonTracer::Arrivals {
+  unsigned lanes = 0;
+  Vec3x8 position, flux, wo, ng;
+  Float8 wo_ng, wo_ns;
+  Int8 bounce, specular_only;
+};
+
+/// Paths that wait to be emitted, with their first numbers drawn for eight at once.
+class PhotonTracer::Start {
+ public:
+  Start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end) : numbers_(numbers), next_(first), end_(end) {}
+
+  /// The next path into `lane` of `photons`; false when none is left.
+  bool operator()(const PhotonTracer& tracer, PhotonLanes& photons, std::size_t lane) {
+    while (next_ < end_) {
+      const std::size_t from = taken_++ % kLanes;
+      if (from == 0) tracer.emit(numbers_, next_, emissions_);
+      const std::uint32_t path = next_++;
+      if (!tracer.start(emissions_, from, photons, lane)) continue;
+      photons.path[lane] = path;
+      return true;
+    }
+    return false;
   }
-  if (max_component(flux) > kMaxPhotonFlux) {
-    ++part.faults.overflow;
-    return;
+
+ private:
+  const PhotonNumbers& numbers_;
+  std::uint32_t next_, end_;
+  std::size_t taken_ = 0;
+  EmissionLanes emissions_;
+};
+
+void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const {
+  const Uint8 paths = Uint8{0, 1, 2, 3, 4, 5, 6, 7} + first;
+  const auto u = numbers.draw(paths, Uint8{}), more = numbers.draw(paths, Uint8{} + 1u);
+  if (options_.projection == nullptr) return scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]}, emissions);
+  emissions.lanes = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const auto picked = options_.projection->emit(u[0][lane], {u[1][lane], u[2][lane]}, {u[3][lane], more[0][lane]});
+    if (!picked) continue;
+    emissions.set(lane, picked->emission);
+    emissions.triangle[lane] = picked->triangle;
+    emissions.barycentric[lane] = picked->barycentric;
   }
-  const std::size_t flow = walk.bounce == 0 ? kFlows : walk.specular_only ? kCaustic : kIndirect;
-  part.flows[flow].push_back(make_photon(point.position, flux, wo, ng));
 }
 
-bool PhotonTracer::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const {
-  walk.rng = PathRng(options_.seed, Stream::kPhoton, sub_pass, path);
-  const float u_light = walk.rng.next1();
-  const Vec2f u_position = walk.rng.next2();
-  const Vec2f u_direction = walk.rng.next2();
-  const auto picked = options_.projection == nullptr ? scene_.lights().emit(u_light, u_position, u_direction)
-                                                     : options_.projection->emit(u_light, u_position, u_direction);
-  if (!picked) return false;
-  ray = {picked->emission.origin, picked->emission.direction};
-  walk.position = picked->emission.origin;  // of a lamp inside a medium set exactly below
-  walk.flux = picked->emission.flux * emitted_scale_;
-  walk.bounce = 0;
-  walk.specular_only = true;
-  walk.media = MediumStack();
-  if (picked->triangle >= 0) {
-    const auto index = static_cast<std::uint32_t>(picked->triangle);
-    walk.flux *= scene_.emission_ratio(index, picked->barycentric);
-    const std::span<const int> media = scene_.media_of_emitter(index);
-    if (media.empty()) return max_component(walk.flux) > 0.0f;
-    walk.media = MediumStack(media);
-    const EmissiveTriangle& lamp = scene_.lights().triangle(index);
-    const Vec2f& b = picked->barycentric;
-    walk.position = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
+bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const {
+  if ((emissions.lanes & (1u << from)) == 0) return false;
+  Rgb flux = emissions.flux[from] * emitted_scale_;
+  const Vec3f origin = emissions.origin[from];
+  Vec3f lamp_point = origin;  // of a lamp inside a medium set exactly below
+  MediumStack media;
+  if (emissions.triangle[from] >= 0) {
+    const auto index = static_cast<std::uint32_t>(emissions.triangle[from]);
+    const Vec2f& b = emissions.barycentric[from];
+    flux *= scene_.emission_ratio(index, b);
+    const std::span<const int> around = scene_.media_of_emitter(index);
+    if (!around.empty()) {
+      media = MediumStack(around);
+      const EmissiveTriangle& lamp = scene_.lights().triangle(index);
+      lamp_point = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
+    }
   } else if (scene_.any_medium()) {
-    walk.media = MediumStack(scene_.media_around(picked->emission.origin));
+    media = MediumStack(scene_.media_around(origin));
   }
-  return max_component(walk.flux) > 0.0f;
+  if (!(max_component(flux) > 0.0f)) return false;
+  photons.ray.origin.set(lane, origin);
+  photons.ray.direction.set(lane, emissions.direction[from]);
+  photons.position.set(lane, lamp_point);
+  photons.flux.set(lane, flux);
+  photons.bounce[lane] = 0;
+  photons.specular_only[lane] = -1;
+  photons.media[lane] = media;
+  return true;
 }
 
-bool PhotonTracer::scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const {
-  if (!walk.media.empty())
-    walk.flux *= walk.media.transmittance(scene_, length(point.position - walk.position));
-  const Rgb* albedo = scene_.plain_lambert(point.material);
-  if (albedo != nullptr) return scatter_lambert(walk, point, *albedo, ray, part);
-  const SmoothMaterial* smooth = scene_.smooth_material(point.material);
-  return smooth != nullptr ? scatter_smooth(walk, point, *smooth, ray, part) : scatter_any(walk, point, ray, part);
+/// Photon by photon, folded with |cos(ns)|/|cos(ng)| [Veach 1997, 5.3].
+void PhotonTracer::store(const Arrivals& at, Part& part) {
+  const Float8 ratio = at.wo_ns / at.wo_ng;
+  const Vec3x8 flux = select(at.wo_ns == at.wo_ng, at.flux, at.flux * ratio);
+  unsigned lanes = at.lanes & lanes_of((at.wo_ng > 0.0f) & (at.wo_ns > 0.0f));
+  const unsigned finite = lanes_of((abs(flux.x) < kInfinity) & (abs(flux.y) < kInfinity) & (abs(flux.z) < kInfinity));
+  const unsigned bounded = lanes_of(max_component(flux) <= kMaxPhotonFlux);
+  part.faults.not_finite += static_cast<std::uint64_t>(std::popcount(lanes & ~finite));
+  part.faults.overflow += static_cast<std::uint64_t>(std::popcount(lanes & finite & ~bounded));
+  lanes &= finite & bounded;
+  if (lanes == 0) return;
+  const unsigned first = lanes_of(at.bounce == 0), specular = lanes_of(at.specular_only);
+  const std::array<Photon, kLanes> photons = make_photons(at.position, flux, at.wo, at.ng);
+  for_each_lane(lanes, [&](std::size_t lane) {
+    const unsigned bit = 1u << lane;
+    const std::size_t flow = (first & bit) != 0 ? kFlows : (specular & bit) != 0 ? kCaustic : kIndirect;
+    part.flows[flow].push_back(photons[lane]);
+  });
 }
 
-bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const {
-  const Vec3f wo = -ray.direction;
+unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons, Part& part) const {
+  if (scene_.any_medium()) {
+    for_each_lane(points.hits, [&](std::size_t lane) {
+      const MediumStack& media = photons.media[lane];
+      if (media.empty()) return;
+      const float distance = length(points.position[lane] - photons.position[lane]);
+      photons.flux.set(lane, photons.flux[lane] * media.transmittance(scene_, distance));
+    });
+  }
+  photons.position = points.position;
+  const std::array<Float8, 4> u = numbers.draw(photons.path, 2 + 2 * reinterpret_cast<Uint8>(photons.bounce));
+  Arrivals arrivals{0,  points.position, photons.flux, -photons.ray.direction, points.ng, Float8{}, Float8{},
+                    photons.bounce,      photons.specular_only};
+  const __m256i material = _mm256_and_si256(_mm256_load_si256(reinterpret_cast<const __m256i*>(points.material.data())),
+                                            reinterpret_cast<__m256i>(mask_of(points.hits)));
+  const auto of_material = [&](int offset) -> Float8 {
+    return _mm256_i32gather_ps(matte_[0].data() + offset, _mm256_slli_epi32(material, 2), sizeof(float));
+  };
+  const Vec3x8 albedo{of_material(0), of_material(1), of_material(2)};
+  const unsigned lambert = points.hits & lanes_of(of_material(3) != 0.0f);
+  unsigned on = lambert == 0 ? 0 : scatter_lambert(lambert, albedo, points, u, photons, arrivals);
+  for_each_lane(points.hits & ~lambert, [&](std::size_t lane) {
+    Walk walk{numbers,
+              {u[0][lane], u[1][lane], u[2][lane], u[3][lane]},
+              photons.path[lane],
+              {photons.ray.origin[lane], photons.ray.direction[lane]},
+              photons.flux[lane],
+              photons.media[lane],
+              photons.bounce[lane],
+              photons.specular_only[lane] != 0};
+    const SurfacePoint point = points.point(lane);
+    const SmoothMaterial* smooth = scene_.smooth_material(point.material);
+    if (!(smooth != nullptr ? scatter_smooth(walk, point, *smooth, lane, arrivals) : scatter_any(walk, point, lane, arrivals))) return;
+    on |= 1u << lane;
+    photons.ray.origin.set(lane, walk.ray.origin);
+    photons.ray.direction.set(lane, walk.ray.direction);
+    photons.flux.set(lane, walk.flux);
+    photons.specular_only[lane] = walk.specular_only ? -1 : 0;
+  });
+  if (!options_.direct) arrivals.lanes &= ~lanes_of(arrivals.bounce == 0);
+  if (arrivals.lanes != 0) store(arrivals, part);
+  photons.bounce += 1;
+  return options_.max_depth == 0 ? on : on & lanes_of(photons.bounce < options_.max_depth);
+}
+
+bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, std::size_t lane, Arrivals& arrivals) const {
+  const Vec3f wo = -walk.ray.direction;
   const bool entering = dot(wo, point.ng) > 0.0f;
   const Bsdf bsdf(scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering)), wo);
   if (bsdf.is_black()) return false;
-  if ((walk.bounce > 0 || options_.direct) && !bsdf.is_delta_only()) store(walk, point, wo, bsdf.ng(), bsdf.ns(), part);
-
-  const float u_lobe = walk.rng.next1();
-  const auto sample = bsdf.sample(wo, u_lobe, walk.rng.next2(), Transport::kFlux);
+  if (!bsdf.is_delta_only()) {
+    arrivals.lanes |= 1u << lane;
+    arrivals.ng.set(lane, bsdf.ng());
+    arrivals.wo_ng[lane] = dot(wo, bsdf.ng());
+    arrivals.wo_ns[lane] = dot(wo, bsdf.ns());
+  }
+  const auto sample = bsdf.sample(wo, walk.u[0], {walk.u[1], walk.u[2]}, Transport::kFlux);
   if (!sample) return false;
   // A rough reflection counts as specular with the probability that it is followed rather than gathered.
   if (sample->specularity <= 0.0f ||
-      (sample->specularity < 1.0f && walk.rng.next1() >= sample->specularity)) {
+      (sample->specularity < 1.0f && walk.numbers.late(walk.path, walk.bounce) >= sample->specularity)) {
     walk.specular_only = false;
     if (options_.caustics_only) return false;
   }
   if (!walk.survives(sample->weight)) return false;
   if (sample->refracted) walk.media.cross(point.material, entering);
-  return walk.follow(point, sample->wi, options_.max_depth, ray);
+  walk.follow(point, sample->wi);
+  return true;
 }
 
 /// The same as scatter_any(), number for number, for mirrors and clear glass: nothing is stored there.
-bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, Ray& ray,
-                                  Part& part) const {
-  const Vec3f wo = -ray.direction;
+bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, std::size_t lane,
+                                  Arrivals& arrivals) const {
+  const Vec3f wo = -walk.ray.direction;
   const bool entering = dot(wo, point.ng) > 0.0f;
   std::optional<Interface> room;
   const Interface* boundary = material.boundary(walk.media.eta_outside(scene_, point.material, entering), entering, room);
-  if (boundary == nullptr) return scatter_any(walk, point, ray, part);
-  const float u_lobe = walk.rng.next1();
-  static_cast<void>(walk.rng.next2());  // the choice of a microfacet
-  const auto sample = SmoothSurface(*boundary, material.thin(), point.ng, point.ns, wo).sample_flux(u_lobe);
+  if (boundary == nullptr) return scatter_any(walk, point, lane, arrivals);
+  const auto sample = SmoothSurface(*boundary, material.thin(), point.ng, point.ns, wo).sample_flux(walk.u[0]);
   if (!sample || !walk.survives(sample->weight)) return false;
   if (sample->refracted) walk.media.cross(point.material, entering);
-  return walk.follow(point, sample->wi, options_.max_depth, ray);
+  walk.follow(point, sample->wi);
+  return true;
 }
 
-/// The same as scatter_any(), number for number, for the surfaces of most hits.
-bool PhotonTracer::scatter_lambert(Walk& walk, const SurfacePoint& point, const Rgb& albedo, Ray& ray, Part& part) const {
-  const Vec3f wo = -ray.direction;
-  const LambertSurface surface(point.ng, point.ns, wo);
-  if (!surface.seen() || is_zero(albedo)) return false;
-  if (walk.bounce > 0 || options_.direct) store(walk, point, wo, surface.ng(), surface.ns(), part);
-  if (options_.caustics_only) return false;
-  static_cast<void>(walk.rng.next1());  // the choice of a lobe
-  const LambertSample sample = surface.sample_flux(albedo, walk.rng.next2());
-  if (!sample.valid) return false;
-  walk.specular_only = false;
-  return walk.survives(sample.weight) && walk.follow(point, sample.wi, options_.max_depth, ray);
+/// The same as scatter_any(), number for number, for the surfaces of most hits, eight at once.
+unsigned PhotonTracer::scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points,
+                                       const std::array<Float8, 4>& u, PhotonLanes& photons, Arrivals& arrivals) const {
+  const LambertLanes surface(points.ng, points.ns, arrivals.wo);
+  const Int8 black = (albedo.x == 0.0f) & (albedo.y == 0.0f) & (albedo.z == 0.0f);
+  lanes &= lanes_of(surface.seen() & ~black);
+  const Int8 here = mask_of(lanes);
+  arrivals.lanes |= lanes;
+  arrivals.ng = select(here, surface.ng(), arrivals.ng);
+  arrivals.wo_ng = here ? surface.wo_ng() : arrivals.wo_ng;
+  arrivals.wo_ns = here ? surface.wo_ns() : arrivals.wo_ns;
+  if (options_.caustics_only) return 0;
+  const LambertLanes::Sample sample = surface.sample_flux(albedo, {u[1], u[2]});
+  // Walk::survives()
+  const Vec3x8 left = photons.flux * sample.weight;
+  const Float8 survival = min(all(1.0f), max_component(left) / max_component(photons.flux));
+  const Int8 on = here & sample.valid & (u[3] < survival);
+  photons.flux = select(on, select(survival < 1.0f, left / survival, left), photons.flux);
+  photons.specular_only = on ? Int8{} : photons.specular_only;
+  photons.ray.origin =
+      select(on, offset_ray_origin(points.position, points.ng, sample.wi, points.extent), photons.ray.origin);
+  photons.ray.direction = select(on, sample.wi, photons.ray.direction);
+  return lanes_of(on);
 }
 
 template <typename Watch>
 void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part,
                                Watch&& watch) const {
-  // Several photons take turns, a bounce each: what one waits for in memory the next have already asked for.
-  constexpr std::size_t kLanes = 32;
-  std::vector<Walk> walks(kLanes);
-  std::array<Ray, kLanes> rays;
-  std::array<std::optional<SurfacePoint>, kLanes> points;
-  std::uint32_t next = first;
-  const auto start = [&](std::size_t lane) {
-    while (next < end) {
-      if (emit(sub_pass, next++, walks[lane], rays[lane])) return true;
-    }
-    return false;
+  // Several packets take turns, a bounce each: what one waits for in memory the next have already asked for.
+  constexpr std::size_t kPackets = 4;
+  const PhotonNumbers numbers{options_.seed, sub_pass};
+  std::vector<PhotonLanes> photons(kPackets);
+  std::vector<SurfaceLanes> points(kPackets);
+  std::array<RayLanes, kPackets> rays;
+  std::array<unsigned, kPackets> alive{};
+  Start start(numbers, first, end);
+  const auto fill = [&](std::size_t packet, unsigned free) {
+    for_each_lane(free, [&](std::size_t lane) {
+      if (start(*this, photons[packet], lane)) alive[packet] |= 1u << lane;
+    });
   };
-  std::size_t alive = 0;
-  while (alive < kLanes && start(alive)) ++alive;
-  while (alive > 0) {
-    const std::span<const Ray> shot(rays.data(), alive);
-    watch(shot);
-    part.rays += alive;
-    scene_.intersect(shot, points);
-    for (std::size_t lane = alive; lane-- > 0;) {
-      if (points[lane]) {
-        if (scatter(walks[lane], *points[lane], rays[lane], part)) continue;
-      } else {
-        part.lost += walks[lane].bounce == 0 ? 1 : 0;
-      }
-      if (start(lane)) continue;
-      // No path is left to start: the last lane, already done with this turn, moves here.
-      --alive;
-      walks[lane] = walks[alive];
-      rays[lane] = rays[alive];
+  for (std::size_t packet = 0; packet < kPackets; ++packet) fill(packet, kAllLanes);
+  while (std::ranges::any_of(alive, [](unsigned lanes) { return lanes != 0; })) {
+    for (std::size_t packet = 0; packet < kPackets; ++packet) rays[packet] = photons[packet].ray;
+    watch(rays, alive);
+    scene_.intersect(rays, alive, points);
+    for (std::size_t packet = 0; packet < kPackets; ++packet) {
+      const unsigned shot = alive[packet];
+      if (shot == 0) continue;
+      part.rays += static_cast<std::uint64_t>(std::popcount(shot));
+      part.lost += static_cast<std::uint64_t>(std::popcount(shot & ~points[packet].hits & lanes_of(photons[packet].bounce == 0)));
+      alive[packet] = points[packet].hits == 0 ? 0 : scatter(numbers, points[packet], photons[packet], part);
+      fill(packet, kAllLanes & ~alive[packet]);
     }
   }
 }
@@ -220,7 +313,7 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
   parallel_for(chunks, [&](std::size_t index) {
     const auto chunk = static_cast<std::uint32_t>(index);
     const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
-    trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](std::span<const Ray>) {});
+    trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](const auto&, const auto&) {});
   });
   for (std::size_t flow = 0; flow <= kFlows; ++flow) {
     PhotonArrays& joined = flow < kFlows ? all.flows[flow] : all.direct;
@@ -249,8 +342,13 @@ std::vector<Ray> PhotonTracer::rays_of(std::uint64_t sub_pass) const {
   std::vector<Ray> all;
   for (std::uint32_t first = 0; first < options_.paths; first += kChunk) {
     Part part;
-    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part,
-                [&](std::span<const Ray> rays) { all.insert(all.end(), rays.begin(), rays.end()); });
+    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part, [&](const auto& rays, const auto& lanes) {
+      for (std::size_t packet = 0; packet < rays.size(); ++packet) {
+        for_each_lane(lanes[packet], [&](std::size_t lane) {
+          all.push_back({rays[packet].origin[lane], rays[packet].direction[lane]});
+        });
+      }
+    });
   }
   return all;
 }

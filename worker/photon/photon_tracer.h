@@ -5,12 +5,15 @@
 #include <vector>
 
 #include "common/film/statistics.h"
+#include "common/math/lanes.h"
 #include "worker/photon/photon.h"
 #include "worker/scene/scene.h"
 
 namespace pf {
 
 class ProjectionMap;
+struct PhotonLanes;
+struct PhotonNumbers;
 
 struct PhotonOptions {
   std::uint64_t seed = 1;
@@ -50,22 +53,28 @@ class PhotonTracer {
  private:
   struct Walk;
   struct Part;
+  struct Arrivals;
+  class Start;
   /// Paths [first, end), appended to `part`; `watch` is called with all rays about to be shot.
   template <typename Watch>
   void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part, Watch&& watch) const;
-  /// Emits a photon; false when its path carries nothing.
-  bool emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk, Ray& ray) const;
-  /// Stores the photon at the point that `ray` met and sets `ray` to where it goes on; false when it ends
-  /// there.
-  bool scatter(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
-  bool scatter_any(Walk& walk, const SurfacePoint& point, Ray& ray, Part& part) const;
-  bool scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, Ray& ray, Part& part) const;
-  bool scatter_lambert(Walk& walk, const SurfacePoint& point, const Rgb& albedo, Ray& ray, Part& part) const;
-  void store(const Walk& walk, const SurfacePoint& point, const Vec3f& wo, const Vec3f& ng, const Vec3f& ns, Part& part) const;
+  /// Emits paths [first, first + 8).
+  void emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const;
+  /// Puts one of them into `lane`; false when its path carries nothing.
+  bool start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const;
+  /// Stores the photons at the points that they met and sends them on; returns the lanes that go on.
+  unsigned scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons, Part& part) const;
+  bool scatter_any(Walk& walk, const SurfacePoint& point, std::size_t lane, Arrivals& arrivals) const;
+  bool scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, std::size_t lane,
+                      Arrivals& arrivals) const;
+  unsigned scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points, const std::array<Float8, 4>& u,
+                           PhotonLanes& photons, Arrivals& arrivals) const;
+  static void store(const Arrivals& arrivals, Part& part);
 
   const Scene& scene_;
   PhotonOptions options_;
   double flux_unit_ = 0;
+  std::vector<std::array<float, 4>> matte_;  ///< per material: albedo of a plain Lambert reflector and 1, or zeros
   float emitted_scale_ = 0;  ///< from the flux of all paths [W] to flux_unit()
 };
 

@@ -44,6 +44,11 @@ class AreaLight {
   [[nodiscard]] float pdf_w(const Vec3f& p, const Vec3f& q) const;
   /// Uniform by area.
   [[nodiscard]] Point sample_uniform(const Vec2f& u) const;
+  /// The point origin + s edge_u + t edge_v.
+  [[nodiscard]] Point point_at(float s, float t) const;
+  [[nodiscard]] const Vec3f& origin() const { return origin_; }
+  [[nodiscard]] const Vec3f& edge_u() const { return edge_u_; }
+  [[nodiscard]] const Vec3f& edge_v() const { return edge_v_; }
 
   [[nodiscard]] float area() const { return area_; }
   [[nodiscard]] const Vec3f& ng() const { return ng_; }
@@ -71,7 +76,6 @@ class AreaLight {
                                                             const std::vector<bool>& usable);
   [[nodiscard]] static std::optional<AreaLight> pair(std::span<const EmissiveTriangle> triangles,
                                                      const SharedEdge& edge);
-  [[nodiscard]] Point point_at(float s, float t) const;
   [[nodiscard]] double large_solid_angle(const Vec3f& p) const;
   [[nodiscard]] Vec2f sample_solid_angle(const Vec3f& p, const Vec2f& u) const;
 

@@ -252,25 +252,31 @@ float Lights::pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissiv
   return choice.probability(choice.environment) * environment_->pdf_w(wi);
 }
 
+std::optional<Distribution1D::Pick> Lights::pick_emitter(float u) const {
+  // With one light there is nothing to choose.
+  return emission_.size() == 1 && emission_.total() > 0.0 ? std::optional(Distribution1D::Pick{0, 1.0f, u}) : emission_.sample(u);
+}
+
 std::optional<Lights::EmissionPicked> Lights::emit(float u_pick, const Vec2f& u_position,
                                                    const Vec2f& u_direction) const {
-  // With one light there is nothing to choose.
-  const auto pick = emission_.size() == 1 && emission_.total() > 0.0 ? std::optional(Distribution1D::Pick{0, 1.0f, u_pick})
-                                                                     : emission_.sample(u_pick);
-  if (!pick) return std::nullopt;
-  const Rgb& flux = picked_flux_[pick->index];
+  const auto pick = pick_emitter(u_pick);
+  return pick ? std::optional(emit_by(*pick, u_position, u_direction)) : std::nullopt;
+}
+
+Lights::EmissionPicked Lights::emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position, const Vec2f& u_direction) const {
+  const Rgb& flux = picked_flux_[pick.index];
   const std::size_t areas = area_lights_.size();
-  if (pick->index < areas) {
-    EmissionPicked picked = emit_area(pick->index, pick->u, u_position, u_direction);
+  if (pick.index < areas) {
+    EmissionPicked picked = emit_area(pick.index, pick.u, u_position, u_direction);
     picked.emission.flux = flux;
     return picked;
   }
   EmissionPicked picked;
-  const std::size_t index = pick->index - areas;
+  const std::size_t index = pick.index - areas;
   if (index == punctual_.size()) {
     const auto sample = environment_->sample(u_direction);
     const float disc = kPi * radius_ * radius_;
-    picked = emit_distant(-sample.direction, sample.radiance * (disc / (sample.pdf_w * pick->probability)),
+    picked = emit_distant(-sample.direction, sample.radiance * (disc / (sample.pdf_w * pick.probability)),
                           u_position);
   } else if (punctual_[index].kind == PunctualKind::kDirectional) {
     picked = emit_distant(punctual_[index].direction, flux, u_position);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/math/distribution.h"
+#include "common/math/lane_sampling.h"
 #include "common/math/vec.h"
 #include "worker/scene/area_light.h"
 #include "worker/scene/emissive_triangle.h"
@@ -31,6 +32,21 @@ struct Emission {
   Rgb flux{0, 0, 0};         ///< W carried by the path if it were the only one: emitted radiance * cos / pdf
   /// For figures per light: the triangle's index; then come the punctual lights, and last the environment.
   std::uint32_t light = 0;
+};
+
+/// Eight starts of photon paths, side by side; see Lights::EmissionPicked.
+struct EmissionLanes {
+  unsigned lanes = 0;  ///< bit i: lane i carries something
+  Vec3x8 origin, direction, flux;
+  std::array<std::int32_t, kLanes> triangle;
+  std::array<Vec2f, kLanes> barycentric;
+
+  void set(std::size_t lane, const Emission& emission) {
+    lanes |= 1u << lane;
+    origin.set(lane, emission.origin);
+    direction.set(lane, emission.direction);
+    flux.set(lane, emission.flux);
+  }
 };
 
 /// Every light of a scene: emissive triangles, punctual lights, environment.
@@ -70,6 +86,8 @@ class Lights {
   };
   [[nodiscard]] std::optional<EmissionPicked> emit(float u_pick, const Vec2f& u_position,
                                                    const Vec2f& u_direction) const;
+  /// emit() for eight paths at once, to the same bits.
+  void emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const;
 
   /// Sum over all lights of the emitted flux [W] (into the scene's bounds for directional lights and
   /// environment).
@@ -100,6 +118,10 @@ class Lights {
   [[nodiscard]] std::optional<Picked> sample_environment(const Receiver& receiver, const Vec2f& u) const;
   [[nodiscard]] EmissionPicked emit_area(std::uint32_t light, float u_side, const Vec2f& u_position,
                                          const Vec2f& u_direction) const;
+  void emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>& lights, const Float8& u_side, const Vec2x8& u_position,
+                  const Vec2x8& u_direction, EmissionLanes& emissions) const;
+  [[nodiscard]] std::optional<Distribution1D::Pick> pick_emitter(float u) const;
+  [[nodiscard]] EmissionPicked emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position, const Vec2f& u_direction) const;
   [[nodiscard]] EmissionPicked emit_distant(const Vec3f& direction, const Rgb& flux,
                                             const Vec2f& u_position) const;
 

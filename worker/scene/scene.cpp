@@ -99,37 +99,6 @@ std::optional<SurfacePoint> Scene::intersect(const Ray& ray) const {
   return point_on(placed, triangles_[placed.mesh], *hit);
 }
 
-void Scene::intersect(std::span<const Ray> rays, std::span<std::optional<SurfacePoint>> points) const {
-  struct Met {
-    const Placement* placed;
-    const Triangles* triangles;
-    std::uint32_t placement;
-  };
-  std::array<Met, Embree::kPacket> met;
-  std::array<std::size_t, Embree::kPacket> lanes;
-  for (std::size_t first = 0; first < rays.size(); first += Embree::kPacket) {
-    const std::size_t count = std::min(Embree::kPacket, rays.size() - first);
-    const RTCRayHit8 packet = embree_->intersect(rays.subspan(first, count));
-    std::size_t hits = 0;  // counted without branches: which rays leave the scene is chance
-    for (std::size_t i = 0; i < count; ++i) {
-      points[first + i].reset();
-      lanes[hits] = i;
-      hits += packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID ? 1 : 0;
-    }
-    for (std::size_t k = 0; k < hits; ++k) {
-      const std::uint32_t placement = Embree::placement_of(packet.hit, lanes[k]);
-      const Placement& placed = placements_[placement];
-      met[k] = {&placed, &triangles_[placed.mesh], placement};
-      met[k].triangles->prefetch(packet.hit.primID[lanes[k]]);
-    }
-    for (std::size_t k = 0; k < hits; ++k) {
-      const std::size_t i = lanes[k];
-      const Hit hit{packet.ray.tfar[i], packet.hit.u[i], packet.hit.v[i], met[k].placement, packet.hit.primID[i]};
-      points[first + i] = point_on(*met[k].placed, *met[k].triangles, hit);
-    }
-  }
-}
-
 bool Scene::meets(const Ray& ray) const { return embree_->intersect(ray.origin, ray.direction, ray.t_max).has_value(); }
 
 bool Scene::occluded(const Ray& ray) const { return embree_->occluded(ray.origin, ray.direction, ray.t_max); }

@@ -40,6 +40,9 @@ struct SurfacePoint {
   int material = 0;
 };
 
+struct RayLanes;
+struct SurfaceLanes;
+
 /// Light absorption inside a refracting volume.
 struct Medium {
   float ior = 1.0f;
@@ -58,8 +61,8 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   [[nodiscard]] std::optional<SurfacePoint> intersect(const Ray& ray) const;
-  /// The same for many rays at once: points[i] for rays[i]. The triangles of all are fetched from memory together.
-  void intersect(std::span<const Ray> rays, std::span<std::optional<SurfacePoint>> points) const;
+  /// The same for many rays at once: of rays[i] those of lanes[i]. The triangles of all are fetched from memory together.
+  void intersect(std::span<const RayLanes> rays, std::span<const unsigned> lanes, std::span<SurfaceLanes> points) const;
   /// Whether the ray meets anything, by a closest-hit query without shading: what the bench holds tracing against.
   [[nodiscard]] bool meets(const Ray& ray) const;
   /// True when anything lies on the segment origin + t * direction, t in (0, t_max).
@@ -79,6 +82,7 @@ class Scene {
   [[nodiscard]] std::span<const int> media_of_emitter(std::uint32_t index) const;
   /// Index for Lights::pdf_w, or -1 where the surface does not emit.
   [[nodiscard]] std::int32_t emissive_triangle(const SurfacePoint& point) const;
+  [[nodiscard]] int material_count() const { return static_cast<int>(traits_.size()); }
   /// Albedo of a material that is one untextured Lambert reflector wherever it is met (plain_lambert_albedo), or null.
   [[nodiscard]] const Rgb* plain_lambert(int material) const {
     return traits_[material].plain_lambert ? &traits_[material].lambert_albedo : nullptr;
@@ -148,13 +152,13 @@ class Scene {
   struct Triangles {
     std::vector<Triangle> flat;
     std::vector<std::array<Vec3f, 3>> normals;  ///< at the corners; empty: flat shading
-
-    void prefetch(std::size_t triangle) const {
-      __builtin_prefetch(&flat[triangle]);
-      if (normals.empty()) return;
-      __builtin_prefetch(&normals[triangle][0]);
-      __builtin_prefetch(&normals[triangle][2].z);
-    }
+  };
+  /// What a hit asks of a placement.
+  struct PlacedTriangles {
+    const Triangle* flat;
+    const std::array<Vec3f, 3>* normals;   ///< null: flat shading, or instanced
+    int material;
+    bool instanced;
   };
 
   Scene() = default;
@@ -171,6 +175,9 @@ class Scene {
     std::uint32_t placement, primitive;
   };
   static inline SurfacePoint point_on(const Placement& placed, const Triangles& triangles, const Hit& hit);
+  /// point_on() of the lanes that met something; placement, primitive, t, b1 and b2 are there already.
+  void find_points(SurfaceLanes& points) const;
+  void turn_normals(unsigned lanes, SurfaceLanes& points) const;
   [[nodiscard]] Rgb find_emission_ratio(std::uint32_t index, const Vec2f& barycentric) const;
   [[nodiscard]] Vec2f uv(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
   [[nodiscard]] Vec4f texel(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
@@ -184,6 +191,7 @@ class Scene {
   SceneDescription description_;
   std::vector<Placement> placements_;
   std::vector<Triangles> triangles_;               ///< per mesh
+  std::vector<PlacedTriangles> placed_;            ///< per placement
   std::vector<MaterialTraits> traits_;
   std::vector<std::vector<int>> media_of_emitters_;  ///< empty when the scene has no medium
   std::unique_ptr<TextureStore> textures_;

@@ -118,6 +118,12 @@ void Scene::gather_triangles() {
     gathered.normals.reserve(mesh.triangles.size());
     for (const auto& t : mesh.triangles) gathered.normals.push_back(corners(mesh.normals, t));
   });
+  placed_.reserve(placements_.size());
+  for (const Placement& placement : placements_) {
+    const Triangles& of = triangles_[static_cast<std::size_t>(placement.mesh)];
+    const bool normals = !of.normals.empty() && !placement.instanced;
+    placed_.push_back({of.flat.data(), normals ? of.normals.data() : nullptr, placement.material, placement.instanced});
+  }
 }
 
 Result<void> Scene::build_embree() {

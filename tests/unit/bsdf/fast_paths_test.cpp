@@ -1,10 +1,11 @@
 // The short cuts that photons take at the commonest surfaces give what Bsdf gives, number for number.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <optional>
 
 #include "tests/unit/bsdf/materials.h"
-#include "worker/bsdf/lambert.h"
+#include "worker/bsdf/lambert_lanes.h"
 #include "worker/bsdf/smooth.h"
 
 namespace pf::test {
@@ -38,29 +39,37 @@ void expect_same(const std::optional<BsdfSample>& exact, const Vec3f& wi, const 
   EXPECT_EQ(exact->weight, weight);
 }
 
-TEST(FastPaths, ALambertSurfaceIsItsBsdfNumberForNumber) {
+TEST(FastPaths, EightLambertSurfacesAreTheirBsdfsNumberForNumber) {
   Random random(11);
   int drawn = 0;
-  for (int k = 0; k < kConfigurations; ++k) {
-    SurfaceParams p = lambert(any_color(random));
-    const Vec3f wo = place(random, p);
-    const std::optional<Rgb> albedo = plain_lambert_albedo(p);
-    ASSERT_TRUE(albedo);
-    const Bsdf bsdf(p, wo);
-    const LambertSurface surface(p.ng, p.ns, wo);
-    ASSERT_EQ(bsdf.is_black(), !surface.seen() || is_zero(*albedo));
-    if (bsdf.is_black()) continue;
-    EXPECT_EQ(bsdf.ng(), surface.ng());
-    EXPECT_EQ(bsdf.ns(), surface.ns());
-    const float u_lobe = random.uniform();
-    const Vec2f u(random.uniform(), random.uniform());
-    const auto exact = bsdf.sample(wo, u_lobe, u, Transport::kFlux);
-    const LambertSample fast = surface.sample_flux(*albedo, u);
-    ASSERT_EQ(exact.has_value(), fast.valid);
-    if (!exact) continue;
-    expect_same(exact, fast.wi, fast.weight);
-    EXPECT_EQ(exact->pdf_w, fast.pdf_w);
-    ++drawn;
+  for (int k = 0; k < kConfigurations / kLanes; ++k) {
+    std::array<SurfaceParams, kLanes> params;
+    std::array<Vec3f, kLanes> wo;
+    Vec3x8 ng{}, ns{}, from{}, albedo{};
+    Vec2x8 u{};
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      params[i] = lambert(any_color(random));
+      wo[i] = place(random, params[i]);
+      ng.set(i, params[i].ng), ns.set(i, params[i].ns), from.set(i, wo[i]);
+      ASSERT_TRUE(plain_lambert_albedo(params[i]));
+      albedo.set(i, *plain_lambert_albedo(params[i]));
+      u.x[i] = random.uniform(), u.y[i] = random.uniform();
+    }
+    const LambertLanes surfaces(ng, ns, from);
+    const LambertLanes::Sample fast = surfaces.sample_flux(albedo, u);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const Bsdf bsdf(params[i], wo[i]);
+      ASSERT_EQ(bsdf.is_black(), surfaces.seen()[i] == 0 || is_zero(albedo[i]));
+      if (bsdf.is_black()) continue;
+      EXPECT_EQ(bsdf.ng(), surfaces.ng()[i]);
+      EXPECT_EQ(dot(wo[i], bsdf.ng()), surfaces.wo_ng()[i]);
+      EXPECT_EQ(dot(wo[i], bsdf.ns()), surfaces.wo_ns()[i]);
+      const auto exact = bsdf.sample(wo[i], random.uniform(), {u.x[i], u.y[i]}, Transport::kFlux);
+      ASSERT_EQ(exact.has_value(), fast.valid[i] != 0);
+      if (!exact) continue;
+      expect_same(exact, fast.wi[i], fast.weight[i]);
+      ++drawn;
+    }
   }
   EXPECT_GT(drawn, kConfigurations / 2);
 }

@@ -1,3 +1,4 @@
+#include "common/math/lane_sampling.h"
 #include "common/math/sampling.h"
 
 #include <gtest/gtest.h>
@@ -29,6 +30,25 @@ TEST(SampleDisk, IsTheConcentricMapToTheLastPlace) {
     const Vec2f point = sample_disk(u), expected = disk_by_the_book(u);
     ASSERT_LE(std::abs(point.x - expected.x), std::abs(expected.x) * 0x1p-23f) << u.x << " " << u.y;
     ASSERT_LE(std::abs(point.y - expected.y), std::abs(expected.y) * 0x1p-23f) << u.x << " " << u.y;
+  }
+}
+
+TEST(SampleDisk, GivesEightPointsAsOneByOne) {
+  PathRng rng(6, Stream::kTest, 0, 0);
+  for (int k = 0; k < 100000; ++k) {
+    Vec2x8 u{};
+    for (std::size_t i = 0; i < kLanes; ++i) u.x[i] = rng.next1(), u.y[i] = rng.next1();
+    u.x[1] = u.y[1];
+    u.x[2] = 1.0f - u.y[2];
+    u.x[3] = 0.5f;
+    u.y[4] = 0.5f;
+    u.x[5] = u.y[5] = 0.5f;
+    const Vec2x8 points = sample_disk(u);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const Vec2f point = sample_disk(Vec2f(u.x[i], u.y[i]));
+      ASSERT_EQ(point.x, points.x[i]) << u.x[i] << " " << u.y[i];
+      ASSERT_EQ(point.y, points.y[i]) << u.x[i] << " " << u.y[i];
+    }
   }
 }
 

@@ -33,6 +33,41 @@ TEST(LightEmission, EmissionCarriesTheTotalFlux) {
   }
 }
 
+TEST(LightEmission, EightPathsStartAsEachWouldAlone) {
+  PathRng rng(5, Stream::kTest, 0, 0);
+  int triangles = 0, others = 0;
+  for (std::uint32_t seed = 0; seed < 5; ++seed) {
+    const RandomScene scene(seed);
+    const Lights lights = scene.lights();
+    for (int k = 0; k < 500; ++k) {
+      Float8 pick{};
+      Vec2x8 position{}, direction{};
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        pick[i] = rng.next1();
+        position.x[i] = rng.next1(), position.y[i] = rng.next1();
+        direction.x[i] = rng.next1(), direction.y[i] = rng.next1();
+      }
+      EmissionLanes emissions;
+      lights.emit(pick, position, direction, emissions);
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        const auto alone = lights.emit(pick[i], {position.x[i], position.y[i]}, {direction.x[i], direction.y[i]});
+        ASSERT_EQ(alone.has_value(), (emissions.lanes >> i & 1u) != 0);
+        if (!alone) continue;
+        EXPECT_EQ(alone->emission.origin, emissions.origin[i]);
+        EXPECT_EQ(alone->emission.direction, emissions.direction[i]);
+        EXPECT_EQ(alone->emission.flux, emissions.flux[i]);
+        EXPECT_EQ(alone->triangle, emissions.triangle[i]);
+        if (alone->triangle >= 0) {
+          EXPECT_EQ(alone->barycentric, emissions.barycentric[i]);
+        }
+        ++(alone->triangle >= 0 ? triangles : others);
+      }
+    }
+  }
+  EXPECT_GT(triangles, 100);
+  EXPECT_GT(others, 100);
+}
+
 TEST(LightEmission, TotalFluxIsTheSumOfTheClosedForms) {
   PunctualLight point, spot, sun;
   point.intensity = Rgb(2.0f);
