@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -10,6 +9,8 @@
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+
+#include "common/base/uri.h"
 
 namespace pf {
 namespace {
@@ -21,36 +22,6 @@ constexpr std::uint64_t kMaxFileBytes = 0xffffffffu;  // a GLB's length field ha
 constexpr int kMaxJsonDepth = 128;
 constexpr std::size_t kGlbHeaderBytes = 20;  // of the file, and of its first chunk
 constexpr std::size_t kShown = 80;
-
-int hex_digit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
-/// RFC 3986; a lone '%' stays, as exporters write it unescaped.
-std::string percent_decoded(std::string_view uri) {
-  std::string out;
-  for (std::size_t i = 0; i < uri.size(); ++i) {
-    if (uri[i] == '%' && i + 2 < uri.size() && hex_digit(uri[i + 1]) >= 0 && hex_digit(uri[i + 2]) >= 0) {
-      out += static_cast<char>(hex_digit(uri[i + 1]) * 16 + hex_digit(uri[i + 2]));
-      i += 2;
-    } else {
-      out += uri[i];
-    }
-  }
-  return out;
-}
-
-bool has_scheme(std::string_view uri) {
-  if (uri.empty() || std::isalpha(static_cast<unsigned char>(uri[0])) == 0) return false;
-  for (const char c : uri) {
-    if (c == ':') return true;
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '+' && c != '-' && c != '.') return false;
-  }
-  return false;
-}
 
 /// For messages: one line, not too long.
 std::string shown(std::string_view text) {

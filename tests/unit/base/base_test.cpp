@@ -11,6 +11,7 @@
 #include "common/base/memory.h"
 #include "common/base/nearest_name.h"
 #include "common/base/result.h"
+#include "common/base/uri.h"
 
 namespace pf {
 namespace {
@@ -98,6 +99,22 @@ TEST(ExitCode, FollowsTheCommandLineContract) {
   EXPECT_EQ(exit_code(ErrorKind::kTimeout), 4);
   EXPECT_EQ(exit_code(ErrorKind::kInternal), 5);
   EXPECT_EQ(exit_code(ErrorKind::kInterrupted), 130);
+}
+
+TEST(Uri, DecodesWhatIsEncodedAndLeavesALonePercentSign) {
+  EXPECT_EQ(percent_decoded("a%20b%2Fc%2f"), "a b/c/");
+  EXPECT_EQ(percent_decoded("100%"), "100%");
+  EXPECT_EQ(percent_decoded("%2"), "%2");
+  EXPECT_EQ(percent_decoded("%zz%41"), "%zzA");
+}
+
+TEST(Uri, KnowsAScheme) {
+  EXPECT_TRUE(has_scheme("https://host/file"));
+  EXPECT_TRUE(has_scheme("data:,x"));
+  EXPECT_FALSE(has_scheme("textures/a:b.png"));
+  EXPECT_FALSE(has_scheme(":x"));
+  EXPECT_FALSE(has_scheme("a.png"));
+  EXPECT_FALSE(has_scheme(""));
 }
 
 }  // namespace
