@@ -5,6 +5,7 @@
 #include <atomic>
 #include <csignal>
 #include <exception>
+#include <filesystem>
 #include <iostream>
 #include <random>
 #include <string>
@@ -13,6 +14,7 @@
 
 #include "build_id.h"
 #include "common/base/log.h"
+#include "coordinator/config.h"
 #include "coordinator/farm_process.h"
 #include "coordinator/http/server.h"
 
@@ -27,7 +29,7 @@ void on_interrupt(int signal) {
 }
 
 struct Options {
-  std::string state, engine, credentials, host = "127.0.0.1";
+  std::string state, engine, credentials, config, host;
   int port = 0;
   double ack_wait = 10;
 };
@@ -37,7 +39,21 @@ int report_error(const pf::Error& error) {
   return pf::exit_code(error.kind);
 }
 
+/// The file of --config, or config.toml of the state folder where there is one; then what the command line says.
+pf::Result<pf::CoordinatorConfig> read_config(const Options& options) {
+  const auto file = options.config.empty() ? std::filesystem::path(options.state) / "config.toml" : std::filesystem::path(options.config);
+  std::error_code ignored;
+  pf::Result<pf::CoordinatorConfig> config;
+  if (!options.config.empty() || std::filesystem::exists(file, ignored)) config = pf::load_coordinator_config(file);
+  if (!config) return config;
+  if (!options.host.empty()) config->http.host = options.host;
+  if (options.port != 0) config->http.port = options.port;
+  return config;
+}
+
 int serve(const Options& options) {
+  const auto config = read_config(options);
+  if (!config) return report_error(config.error());
   pf::FarmProcess::Options farm;
   if (!options.credentials.empty()) {
     auto credentials = pf::load_credentials(options.credentials);
@@ -54,8 +70,7 @@ int serve(const Options& options) {
   auto process = pf::FarmProcess::open(farm, log);
   if (!process) return report_error(process.error());
   pf::HttpServerOptions http;
-  http.host = options.host;
-  http.port = options.port;
+  http.config = *config;
   http.state = options.state;
   http.blobs = farm.state / "blobs";
   auto server = pf::HttpServer::start(http, **process, log);
@@ -83,7 +98,8 @@ int main(int argc, char** argv) {
   app.add_option("--state", options.state, "folder for jobs, scenes, url and token")->required();
   app.add_option("--engine", options.engine, "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
   app.add_option("--credentials", options.credentials, "file that photonfarm farm init made for the coordinator");
-  app.add_option("--host", options.host, "address that the HTTP API listens on")->capture_default_str();
+  app.add_option("--config", options.config, "the operator's settings: TLS, limits, notifications; by default config.toml of the state folder");
+  app.add_option("--host", options.host, "address that the HTTP API listens on; by default 127.0.0.1; others need TLS");
   app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")->check(CLI::Range(0, 65535));
   app.add_option("--ack-wait", options.ack_wait, "seconds after which a silent worker's units go to others")
       ->capture_default_str()

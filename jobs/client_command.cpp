@@ -23,6 +23,9 @@ ClientCommand::ClientCommand(const Context& context, std::string name, const std
                   "URL of the service (its token in PHOTONFARM_TOKEN) or a farm's state folder; default "
                   "PHOTONFARM_SERVER, else " +
                       context.state.string());
+  app_.add_option("--ca", ca_,
+                  "certificates (PEM) that an https service is checked by; default: the state folder's ca.pem, else "
+                  "the system's");
   app_.add_option("--retry", retry_seconds_, "seconds to keep trying while the service is away")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
@@ -36,6 +39,7 @@ std::optional<int> ClientCommand::parse(const Arguments& arguments) {
                    : !context_.server.empty() ? context_.server
                                               : context_.state.string();
   options.token = context_.token;
+  options.ca = ca_;
   options.retry_seconds = retry_seconds_;
   options.first_seconds = std::min(kFirstSeconds, retry_seconds_);
   options.interrupted = &interrupts_.flag();

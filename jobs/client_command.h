@@ -20,7 +20,7 @@ class ClientCommand {
  public:
   ClientCommand(const Context& context, std::string name, const std::string& summary);
 
-  /// For the command's own arguments; --server, --json and --retry are there.
+  /// For the command's own arguments; --server, --ca, --json and --retry are there.
   [[nodiscard]] CLI::App& app() { return app_; }
   void examples(const std::string& text) { app_.footer("Examples:\n" + text); }
   /// As parse_arguments; afterwards client() may be used.
@@ -47,7 +47,7 @@ class ClientCommand {
   CLI::App app_;
   InterruptGuard interrupts_;
   SystemClock clock_;
-  std::string server_;
+  std::string server_, ca_;
   double retry_seconds_ = 60;
   bool json_ = false;
   std::unique_ptr<ServiceClient> client_;

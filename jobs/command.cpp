@@ -31,6 +31,7 @@ constexpr std::array kCommands = {
     Command{"cancel", "end a job; the image so far stays", "photonfarm cancel JOB", run_cancel_command},
     Command{"download", "fetch a job's images and figures", "photonfarm download JOB --out out", run_download_command},
     Command{"workers", "list the farm's workers", "photonfarm workers", run_workers_command},
+    Command{"token", "make, list and revoke tokens of the service", "photonfarm token create anna --role submit", run_token_command},
     Command{"doctor", "check that this machine can render", "photonfarm doctor", run_doctor_command},
 };
 
@@ -60,6 +61,10 @@ std::vector<std::string> option_names(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  for (const CLI::App* subcommand : app.get_subcommands()) {  // those that were given
+    const std::vector<std::string> more = option_names(*subcommand);
+    names.insert(names.end(), more.begin(), more.end());
   }
   return names;
 }

@@ -62,5 +62,6 @@ struct Command {
 [[nodiscard]] int run_cancel_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_download_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_workers_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_token_command(const Context& context, const Arguments& arguments);
 
 }  // namespace pf

@@ -43,6 +43,7 @@ struct FarmOptions {
   std::string engine;
   fs::path credentials;
   std::string host;
+  fs::path config;
   int workers = 0;
   int threads = 1;
   int port = 0;
@@ -176,6 +177,7 @@ class FarmPlan {
     add_engine(arguments, std::string(kCoordinatorUser));
     if (options_.port != 0) arguments.insert(arguments.end(), {"--port", std::to_string(options_.port)});
     if (!options_.host.empty()) arguments.insert(arguments.end(), {"--host", options_.host});
+    if (!options_.config.empty()) arguments.insert(arguments.end(), {"--config", options_.config.string()});
     if (options_.ack_wait > 0) arguments.insert(arguments.end(), {"--ack-wait", fmt::format("{}", options_.ack_wait)});
     return arguments;
   }
@@ -244,7 +246,9 @@ int run_farm_command(const Context& context, const Arguments& arguments) {
                  "folder that farm init made (its coordinator.toml, worker-1.toml ...), or one file for all processes")
       ->check(CLI::ExistingPath);
   app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")->check(CLI::Range(0, 65535));
-  app.add_option("--host", options.host, "address that the HTTP API listens on; by default this machine alone");
+  app.add_option("--host", options.host, "address that the HTTP API listens on; by default this machine alone; others need TLS");
+  app.add_option("--config", options.config, "settings of the service: TLS, limits, notifications; by default config.toml of the state folder")
+      ->check(CLI::ExistingFile);
   app.add_option("--ack-wait", options.ack_wait, "seconds after which a silent worker's units go to others")
       ->check(CLI::Range(0.5, 3600.0));
   app.footer("Exit codes: 0 stopped; 2 usage, or a farm runs in this folder; 4 engine not to be had; 5 failed.\n\n"
@@ -254,6 +258,7 @@ int run_farm_command(const Context& context, const Arguments& arguments) {
   if (options.state.empty())
     return report(context, {ErrorKind::kUsage, "no home folder to keep state in; expected --state DIR"});
   options.state = fs::absolute(options.state);
+  if (!options.config.empty()) options.config = fs::absolute(options.config);
   if (!options.credentials.empty()) options.credentials = fs::absolute(options.credentials);
   const Result<void> ended = run_farm(context, options);
   return ended ? 0 : report(context, ended.error());

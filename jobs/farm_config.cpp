@@ -111,6 +111,11 @@ std::string credentials_text(const std::string& url, const EngineUser& user, con
   return text;
 }
 
+std::string service_config_text() {
+  return "# For --config of photonfarm-coordinator and photonfarm farm; coordinator/README.md has every key.\n"
+         "[http]\nhost = \"0.0.0.0\"\ncertificate = \"server.pem\"\nkey = \"server-key.pem\"\nca = \"ca.pem\"\n";
+}
+
 std::filesystem::path credentials_file(const std::filesystem::path& folder, std::string_view name) {
   return folder / fmt::format("{}.toml", name);
 }

@@ -40,6 +40,10 @@ struct NatsConfig {
 /// A credentials file (common/wire/nats/engine.h); `ca` may be empty.
 [[nodiscard]] std::string credentials_text(const std::string& url, const EngineUser& user, const std::string& ca);
 
+/// The coordinator's configuration (coordinator/config.h) beside the certificates that farm init makes: its HTTP API is reached
+/// from other machines, with TLS.
+[[nodiscard]] std::string service_config_text();
+
 /// `FOLDER/NAME.toml`
 [[nodiscard]] std::filesystem::path credentials_file(const std::filesystem::path& folder, std::string_view name);
 [[nodiscard]] std::string worker_name(int number);

@@ -53,6 +53,7 @@ Result<void> make_farm_folder(const FarmInitOptions& options) {
                                                             {"server.pem", certificates->server},
                                                             {"server-key.pem", certificates->server_key},
                                                             {"nats-server.conf", nats_config_text(config)}};
+  files.emplace_back("config.toml", service_config_text());
   for (const EngineUser& user : config.users) files.emplace_back(user.name + ".toml", credentials_text(url, user, "ca.pem"));
   for (const auto& [name, text] : files) {
     const bool secret = name != "ca.pem" && name != "server.pem";
@@ -83,9 +84,10 @@ int run_farm_init_command(const Context& context, const Arguments& arguments) {
   context.out << fmt::format(
       "{0}: certificates, users for a coordinator and {1} workers, settings. Next:\n"
       "  on the server:       cd {0} && nats-server -c nats-server.conf\n"
-      "  the coordinator:     photonfarm-coordinator --state DIR --credentials {0}/coordinator.toml\n"
+      "  the coordinator:     photonfarm-coordinator --state DIR --credentials {0}/coordinator.toml --config {0}/config.toml\n"
       "  each worker:         photonfarm-worker serve --credentials worker-I.toml   (copy it and ca.pem there, mode 0600)\n"
-      "  all on one machine:  photonfarm farm --credentials {0}\n"
+      "  all on one machine:  photonfarm farm --credentials {0} --config {0}/config.toml\n"
+      "  the command:         photonfarm list --server https://HOST:PORT --ca {0}/ca.pem   (PHOTONFARM_TOKEN: see 'photonfarm token create')\n"
       "Keep ca-key.pem away from the others: whoever has it can pretend to be the server.\n",
       folder, options.workers);
   return 0;

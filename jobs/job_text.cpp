@@ -89,6 +89,10 @@ bool job_has_ended(const json& job) {
   return state == "done" || state == "failed" || state == "cancelled";
 }
 
+bool is_path_segment(std::string_view text) {
+  return !text.empty() && text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
+}
+
 std::string job_line(const json& job, StatusLine::Style style) {
   const double fraction = fraction_done(job);
   std::string text = style == StatusLine::Style::kBar ? progress_bar(fraction) : std::string();
@@ -132,6 +136,13 @@ std::string workers_table(const json& workers) {
                     fmt::format("{:.1f} s ago", job_number(worker, "seconds_since_heard")),
                     job_text(worker, "message")});
   }
+  return table(rows);
+}
+
+std::string tokens_table(const json& tokens) {
+  std::vector<Row> rows = {{"NAME", "ROLE", "CREATED"}};
+  for (const json& token : tokens)
+    rows.push_back({job_text(token, "name"), job_text(token, "role"), time_text(job_number(token, "created_unix_ms"))});
   return table(rows);
 }
 

@@ -40,7 +40,11 @@ std::string start_hint(const std::string& server) {
   return fmt::format("start a farm with: photonfarm farm --state {}", server);
 }
 
-Result<ServiceAddress> find_service(const std::string& server, const std::string& token) {
+Result<ServiceAddress> find_service(const std::string& server, const std::string& token,
+                                    const std::filesystem::path& ca) {
+  std::error_code error;
+  if (!ca.empty() && !std::filesystem::is_regular_file(ca, error))
+    return fail(ErrorKind::kUsage, fmt::format("--ca {}: no such file; expected certificates in PEM", ca.string()));
   if (server.empty()) {
     return fail(ErrorKind::kUnavailable,
                 "no home folder, so no farm's state folder; expected --server or PHOTONFARM_SERVER, a URL or "
@@ -55,10 +59,9 @@ Result<ServiceAddress> find_service(const std::string& server, const std::string
                               "'token' of its state folder)",
                               *url));
     }
-    return ServiceAddress{std::move(*url), token, "PHOTONFARM_TOKEN"};
+    return ServiceAddress{std::move(*url), token, ca, "PHOTONFARM_TOKEN"};
   }
   const std::filesystem::path folder(server);
-  std::error_code error;
   if (!std::filesystem::exists(folder / "url", error)) {
     return fail(ErrorKind::kUnavailable,
                 fmt::format("{}: no farm has been started with this state folder (it has no file 'url'); {}",
@@ -70,7 +73,8 @@ Result<ServiceAddress> find_service(const std::string& server, const std::string
   if (!url) return tl::unexpected(url.error());
   const auto own = read_file(folder / "token", kMostBytes, ErrorKind::kUnavailable);
   if (!own) return tl::unexpected(own.error());
-  return ServiceAddress{std::move(*url), trimmed(*own), (folder / "token").string()};
+  const bool has_ca = ca.empty() && std::filesystem::exists(folder / "ca.pem", error);
+  return ServiceAddress{std::move(*url), trimmed(*own), has_ca ? folder / "ca.pem" : ca, (folder / "token").string()};
 }
 
 }  // namespace pf

@@ -74,6 +74,11 @@ std::string describe(httplib::Error error) {
       return "it did not answer to the end";
     case httplib::Error::Write:
       return "it did not take all";
+    case httplib::Error::SSLConnection:
+    case httplib::Error::SSLServerVerification:
+      return "its certificate is not trusted, or it speaks no TLS; --ca names a file of the certificates to trust";
+    case httplib::Error::SSLLoadingCerts:
+      return "the file of --ca holds no certificate";
     default:
       return httplib::to_string(error);
   }
@@ -132,7 +137,7 @@ httplib::Result send(httplib::Client& client, const ServiceCall& call, ServiceRe
 
 Result<ServiceReply> ServiceClient::try_call(const ServiceCall& call) {
   if (interrupted()) return fail(ErrorKind::kInterrupted, "interrupted");
-  const auto address = find_service(options_.server, options_.token);
+  const auto address = find_service(options_.server, options_.token, options_.ca);
   if (!address) return tl::unexpected(address.error());
   url_ = address->url;
   token_origin_ = address->origin;
@@ -144,6 +149,7 @@ Result<ServiceReply> ServiceClient::try_call(const ServiceCall& call) {
     client.set_write_timeout(std::chrono::duration<double>(kWriteSeconds));
     client.set_bearer_token_auth(address->token);
     client.set_decompress(false);
+    if (!address->ca.empty()) client.set_ca_cert_path(address->ca.c_str());
     const InterruptWatch watch(options_.interrupted, client);
     const httplib::Result result = send(client, call, reply);
     if (result || reply.status != 0) {
@@ -193,7 +199,7 @@ Result<ServiceReply> ServiceClient::call(const ServiceCall& call) {
   while (true) {
     const bool was_away = away_;
     auto reply = try_call(call);
-    if (reply && reply->status != 503) return reply;
+    if (reply && reply->status != 503 && reply->status != 429) return reply;
     if (!reply && reply.error().kind != ErrorKind::kUnavailable) return reply;
     // A folder without a farm will not get one by waiting.
     if (!reply && url_.empty()) return reply;
@@ -226,8 +232,9 @@ Result<void> ServiceClient::check(const ServiceReply& reply) const {
   ErrorKind kind = ErrorKind::kInternal;
   if (type == "invalid-spec") kind = ErrorKind::kInvalidSpec;
   if (type == "invalid-input") kind = ErrorKind::kInvalidInput;
-  if (type == "not-found") kind = ErrorKind::kUsage;
-  if (type == "unavailable") kind = ErrorKind::kUnavailable;
+  if (type == "too-large") kind = ErrorKind::kInvalidInput;
+  if (type == "not-found" || type == "forbidden") kind = ErrorKind::kUsage;
+  if (type == "unavailable" || type == "too-many-requests") kind = ErrorKind::kUnavailable;
   return fail(kind, fmt::format("{} ({})", detail, url_));
 }
 

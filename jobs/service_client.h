@@ -20,6 +20,7 @@ namespace pf {
 struct ServiceOptions {
   std::string server;         ///< URL or state folder
   std::string token;          ///< for a URL
+  std::filesystem::path ca = {};  ///< certificates that an https service is checked by; empty: as find_service says
   double retry_seconds = 60;  ///< how long a service that answered before may be away
   double first_seconds = 5;   ///< how long one that has never answered
   const std::atomic<bool>* interrupted = nullptr;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "coordinator/http/file.h"
+#include "coordinator/http/tokens.h"
 
 namespace pf {
 
@@ -24,6 +25,7 @@ struct HttpRequest {
   /// Hands the body over in pieces until `take` returns false. False when it did, or when the body did not
   /// come whole.
   std::function<bool(const std::function<bool(std::string_view piece)>& take)> read_body;
+  Caller caller;  ///< who asks; set by refused_access
 
   /// Empty when absent.
   [[nodiscard]] std::string header(const std::string& lower_case_name) const;

@@ -11,7 +11,6 @@
 #include "build_id.h"
 #include "common/base/nearest_name.h"
 #include "coordinator/http/json.h"
-#include "coordinator/http/state.h"
 #include "coordinator/http/streams.h"
 
 namespace pf {
@@ -90,17 +89,22 @@ Result<std::unique_ptr<HttpRoutes>> HttpRoutes::make(Options options, JobService
                                                      std::stop_token stop) {
   auto store = BlobStore::open(options.blobs, 0);
   if (!store) return tl::unexpected(store.error());
-  return std::unique_ptr<HttpRoutes>(
-      new HttpRoutes(std::move(options), service, log, std::move(stop), std::move(*store)));
+  auto tokens = TokenStore::open(options.state, options.token);
+  if (!tokens) return tl::unexpected(tokens.error());
+  return std::unique_ptr<HttpRoutes>(new HttpRoutes(std::move(options), service, log, std::move(stop),
+                                                    std::move(*store), std::move(*tokens)));
 }
 
 HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop,
-                       BlobStore store)
+                       BlobStore store, std::unique_ptr<TokenStore> tokens)
     : options_(std::move(options)),
       service_(service),
       log_(log),
       stop_(std::move(stop)),
-      store_(std::move(store)) {}
+      store_(std::move(store)),
+      tokens_(std::move(tokens)),
+      limiter_(options_.limits.requests_per_second, options_.limits.request_burst,
+               options_.clock != nullptr ? *options_.clock : system_clock_) {}
 
 std::span<const HttpRoutes::Route> HttpRoutes::routes() {
   static constexpr std::array kRoutes = {
@@ -119,11 +123,14 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"GET", "/v1/workers", &HttpRoutes::list_workers},
       Route{"HEAD", "/v1/blobs/{}", &HttpRoutes::head_blob},
       Route{"PUT", "/v1/blobs/{}", &HttpRoutes::put_blob},
+      Route{"GET", "/v1/tokens", &HttpRoutes::list_tokens},
+      Route{"POST", "/v1/tokens", &HttpRoutes::create_token},
+      Route{"DELETE", "/v1/tokens/{}", &HttpRoutes::revoke_token},
   };
   return kRoutes;
 }
 
-HttpReply HttpRoutes::answer(const HttpRequest& request) {
+HttpReply HttpRoutes::answer(HttpRequest request) {
   HttpReply reply = route(request);
   const std::string status = std::to_string(reply.status);
   if (reply.status >= 500) {
@@ -134,22 +141,8 @@ HttpReply HttpRoutes::answer(const HttpRequest& request) {
   return reply;
 }
 
-bool HttpRoutes::authorised(const HttpRequest& request) const {
-  constexpr std::string_view kScheme = "Bearer ";
-  const std::string given = request.header("authorization");
-  return given.starts_with(kScheme) &&
-         same_token(std::string_view(given).substr(kScheme.size()), options_.token);
-}
-
-HttpReply HttpRoutes::route(const HttpRequest& request) {
-  const bool health_check = request.path == "/v1/health";
-  if (!health_check && !authorised(request)) {
-    HttpReply reply =
-        problem(401, "unauthorized",
-                "no or wrong bearer token; expected the one in the file 'token' of the farm's state folder");
-    reply.headers.emplace_back("WWW-Authenticate", "Bearer realm=\"photonfarm\"");
-    return reply;
-  }
+HttpReply HttpRoutes::route(HttpRequest& request) {
+  if (auto refused = refused_access(request, *tokens_, limiter_)) return std::move(*refused);
   if (!request.path.starts_with('/'))
     return problem(404, "not-found", "no such address; expected one below /v1/");
   const std::vector<std::string_view> parts = parts_of(request.path);
@@ -213,32 +206,39 @@ HttpReply HttpRoutes::health(const HttpRequest&, const Captures&) {
   return json_reply({{"status", "ok"}, {"version", kVersion}, {"build_id", kBuildId}});
 }
 
-HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
+tl::expected<std::string, HttpReply> HttpRoutes::json_body(const HttpRequest& request) const {
   const std::string type = request.header("content-type");
   if (type != "application/json" && !type.starts_with("application/json;")) {
-    return problem(415, "unsupported-media-type", "expected Content-Type: application/json");
-  }
-  const std::string key = request.header("idempotency-key");
-  const auto printable = [](char c) { return c > ' ' && c <= '~'; };
-  if (key.size() > 128 || !std::ranges::all_of(key, printable)) {
-    return problem(400, "bad-request",
-                   "Idempotency-Key: expected at most 128 printable characters without blanks");
+    return tl::unexpected(problem(415, "unsupported-media-type", "expected Content-Type: application/json"));
   }
   const auto length = whole_number(request.header("content-length"));
-  if (!length) return problem(411, "length-required", "expected a Content-Length");
+  if (!length) return tl::unexpected(problem(411, "length-required", "expected a Content-Length"));
   if (*length > options_.max_body_bytes) {
-    return problem(
+    return tl::unexpected(problem(
         413, "too-large",
-        fmt::format("the body has {} bytes; expected at most {}", *length, options_.max_body_bytes));
+        fmt::format("the body has {} bytes; expected at most {}", *length, options_.max_body_bytes)));
   }
   std::string body;
   const bool whole = request.read_body([&](std::string_view piece) {
     body += piece;
     return body.size() <= *length;
   });
-  if (!whole || body.size() != *length) return problem(400, "bad-request", "the body did not come whole");
-  auto submission = parse_submission(std::move(body));
+  if (!whole || body.size() != *length) return tl::unexpected(problem(400, "bad-request", "the body did not come whole"));
+  return body;
+}
+
+HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
+  const std::string key = request.header("idempotency-key");
+  const auto printable = [](char c) { return c > ' ' && c <= '~'; };
+  if (key.size() > 128 || !std::ranges::all_of(key, printable)) {
+    return problem(400, "bad-request",
+                   "Idempotency-Key: expected at most 128 printable characters without blanks");
+  }
+  auto body = json_body(request);
+  if (!body) return std::move(body.error());
+  auto submission = parse_submission(std::move(*body));
   if (!submission) return failure(submission.error());
+  if (auto refused = over_limits(*submission, request.caller)) return std::move(*refused);
   submission->idempotency_key = key;
   const auto job = service_.submit(*submission);
   HttpReply reply = reply_job(job, 201);

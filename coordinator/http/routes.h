@@ -12,7 +12,10 @@
 
 #include "common/base/log.h"
 #include "common/base/result.h"
+#include "common/base/clock.h"
 #include "common/wire/blob_store.h"
+#include "coordinator/config.h"
+#include "coordinator/http/access.h"
 #include "coordinator/http/message.h"
 #include "coordinator/job_service.h"
 
@@ -22,7 +25,10 @@ namespace pf {
 class HttpRoutes {
  public:
   struct Options {
-    std::string token;
+    std::string token;                       ///< the one of the state folder
+    std::filesystem::path state;             ///< holds the other tokens
+    CoordinatorConfig::Limits limits;
+    const Clock* clock = nullptr;            ///< of the rate limit; nullptr: the system's
     std::filesystem::path blobs;             ///< folder of the blob store
     std::uint64_t max_body_bytes = 8 << 20;  ///< of what is no blob
     int max_streams = 256;                   ///< events and logs being followed at a time
@@ -32,7 +38,7 @@ class HttpRoutes {
   [[nodiscard]] static Result<std::unique_ptr<HttpRoutes>> make(Options options, JobService& service,
                                                                 const Log& log, std::stop_token stop);
 
-  [[nodiscard]] HttpReply answer(const HttpRequest& request);
+  [[nodiscard]] HttpReply answer(HttpRequest request);
 
  private:
   /// The parts of a path that stand for `{}` in a route's pattern.
@@ -43,10 +49,14 @@ class HttpRoutes {
   };
   class StreamTicket;
 
-  HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop, BlobStore store);
+  HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop, BlobStore store,
+             std::unique_ptr<TokenStore> tokens);
   [[nodiscard]] static std::span<const Route> routes();
-  [[nodiscard]] HttpReply route(const HttpRequest& request);
-  [[nodiscard]] bool authorised(const HttpRequest& request) const;
+  [[nodiscard]] HttpReply route(HttpRequest& request);
+  /// The text of a JSON body, or the reply that refuses it.
+  [[nodiscard]] tl::expected<std::string, HttpReply> json_body(const HttpRequest& request) const;
+  /// A reply for a job that this caller may not send: too large, or one too many.
+  [[nodiscard]] std::optional<HttpReply> over_limits(const Submission& submission, const Caller& caller);
   [[nodiscard]] HttpReply failure(const Error& error, bool artifact = false) const;
   [[nodiscard]] HttpReply reply_job(const Result<JobView>& job, int status = 200) const;
 
@@ -67,6 +77,9 @@ class HttpRoutes {
   [[nodiscard]] HttpReply list_workers(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply head_blob(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply put_blob(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply list_tokens(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply create_token(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply revoke_token(const HttpRequest&, const Captures&);
 
   const Options options_;
   JobService& service_;
@@ -75,6 +88,9 @@ class HttpRoutes {
   std::mutex store_mutex_;
   BlobStore store_;
   std::atomic<int> streams_{0};
+  std::unique_ptr<TokenStore> tokens_;
+  const SystemClock system_clock_;
+  RateLimiter limiter_;
 };
 
 /// A reply that is a problem document.

@@ -18,10 +18,12 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/atomic_file.h"
 #include "coordinator/http/connection_threads.h"
 #include "coordinator/http/json.h"
 #include "coordinator/http/routes.h"
 #include "coordinator/http/state.h"
+#include "coordinator/http/tls.h"
 
 namespace pf {
 namespace {
@@ -75,7 +77,8 @@ void take_over(httplib::Request& request) {
 
 class Server final : public httplib::Server {
  public:
-  Server(const HttpLimits& limits, std::stop_token stop) : limits_(limits), stop_(std::move(stop)) {}
+  Server(const HttpLimits& limits, std::stop_token stop, std::unique_ptr<TlsContext> tls)
+      : limits_(limits), stop_(std::move(stop)), tls_(std::move(tls)) {}
 
   /// Port, or 0.
   int bind(const std::string& host, int former_port, int port) {
@@ -94,8 +97,9 @@ class Server final : public httplib::Server {
 
  private:
   bool process_and_close_socket(socket_t fd) override {
-    HttpSocket socket(fd, limits_, stop_);
+    HttpSocket socket(fd, limits_, stop_, tls_.get());
     if (std::this_thread::get_id() == accepting_) {
+      if (tls_) return true;  // shaking hands here would make all others wait
       constexpr std::string_view kBusy =
           "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\n"
           "Content-Length: 0\r\n\r\n";
@@ -112,6 +116,7 @@ class Server final : public httplib::Server {
 
   const HttpLimits limits_;
   const std::stop_token stop_;
+  const std::unique_ptr<TlsContext> tls_;
   std::thread::id accepting_;
   std::atomic<bool> ended_{false};
 };
@@ -228,10 +233,33 @@ void wire(Server& server, HttpRoutes& routes, const Log& log) {
   server.set_payload_max_length(std::numeric_limits<size_t>::max());  // the routes bound each kind of body
 }
 
-std::string url_of(const std::string& host, int port) {
+std::string url_of(std::string_view scheme, const std::string& host, int port) {
   if (host.find(':') != std::string::npos)
-    return fmt::format("http://[{}]:{}", host == "::" ? "::1" : host, port);
-  return fmt::format("http://{}:{}", host == "0.0.0.0" ? "127.0.0.1" : host, port);
+    return fmt::format("{}://[{}]:{}", scheme, host == "::" ? "::1" : host, port);
+  return fmt::format("{}://{}:{}", scheme, host == "0.0.0.0" ? "127.0.0.1" : host, port);
+}
+
+/// The certificate, when there is one; nothing for plain HTTP on this machine alone.
+Result<std::unique_ptr<TlsContext>> tls_for(const CoordinatorConfig::Http& http, const std::string& host,
+                                            const std::filesystem::path& state) {
+  if (http.certificate.empty()) {
+    if (!is_loopback(host)) {
+      return fail(ErrorKind::kUsage,
+                  fmt::format("{}: others reach this address, and tokens would cross the network in the clear; expected "
+                              "127.0.0.1, or http.certificate and http.key in the configuration ('photonfarm farm init' makes "
+                              "both)",
+                              host));
+    }
+    if (auto kept = keep_ca(state, ""); !kept) return tl::unexpected(kept.error());
+    return std::unique_ptr<TlsContext>();
+  }
+  auto tls = TlsContext::load(http.certificate, http.key);
+  if (!tls) return tls;
+  constexpr std::uint64_t kMaxPemBytes = 1 << 20;
+  const auto ca = read_file(http.ca.empty() ? http.certificate : http.ca, kMaxPemBytes, ErrorKind::kUsage);
+  if (!ca) return tl::unexpected(ca.error());
+  if (auto kept = keep_ca(state, *ca); !kept) return tl::unexpected(kept.error());
+  return tls;
 }
 
 }  // namespace
@@ -256,17 +284,25 @@ HttpServer::~HttpServer() = default;
 
 Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& options, JobService& service,
                                                       const Log& log) {
+  const CoordinatorConfig::Http& http = options.config.http;
+  const std::string host = http.host.empty() ? "127.0.0.1" : http.host;
+  auto tls = tls_for(http, host, options.state);
+  if (!tls) return tl::unexpected(tls.error());
+  const std::string_view scheme = *tls ? "https" : "http";
   auto token = keep_token(options.state, options.token);
   if (!token) return tl::unexpected(token.error());
   auto parts = std::make_unique<Parts>();
   auto routes = HttpRoutes::make({.token = *token,
+                                  .state = options.state,
+                                  .limits = options.config.limits,
+                                  .clock = options.clock,
                                   .blobs = options.blobs,
                                   .max_streams = options.max_streams,
                                   .heartbeat_seconds = options.heartbeat_seconds},
                                  service, log, parts->stop.get_token());
   if (!routes) return tl::unexpected(routes.error());
   parts->routes = std::move(*routes);
-  parts->server = std::make_unique<Server>(options.limits, parts->stop.get_token());
+  parts->server = std::make_unique<Server>(options.limits, parts->stop.get_token(), std::move(*tls));
   wire(*parts->server, *parts->routes, log);
   const auto max_threads = static_cast<std::size_t>(std::max(1, options.max_connections));
   parts->server->new_task_queue = [max_threads] { return new TaskQueue(max_threads); };
@@ -275,14 +311,14 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& o
     const int yes = 1;
     ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   });
-  const int port = parts->server->bind(options.host, former_port(options.state), options.port);
+  const int port = parts->server->bind(host, former_port(options.state), http.port);
   if (port == 0) {
     return fail(
         ErrorKind::kUnavailable,
         fmt::format("{}:{}: cannot listen; expected an address of this machine and a free port (0: any)",
-                    options.host, options.port));
+                    host, http.port));
   }
-  const std::string url = url_of(options.host, port);
+  const std::string url = url_of(scheme, host, port);
   parts->thread = std::thread([server = parts->server.get()] { server->serve(); });
   while (!parts->server->is_running() && !parts->server->ended()) std::this_thread::yield();
   if (auto written = write_url(options.state, url); !written) return tl::unexpected(written.error());

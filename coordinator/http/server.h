@@ -4,30 +4,32 @@
 #include <memory>
 #include <string>
 
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/result.h"
+#include "coordinator/config.h"
 #include "coordinator/http/socket.h"
 #include "coordinator/job_service.h"
 
 namespace pf {
 
 struct HttpServerOptions {
-  std::string host = "127.0.0.1";
-  int port = 0;                 ///< 0: the former one of this state folder if it is free, else any
+  CoordinatorConfig config;     ///< address, certificate, what callers may cost
   std::string token;            ///< empty: the one of the state folder, made when there is none
-  std::filesystem::path state;  ///< must exist; gets `url` and `token`
+  std::filesystem::path state;  ///< must exist; gets `url`, `token`, `ca.pem`
   std::filesystem::path blobs;  ///< folder of the blob store
   HttpLimits limits;
   int max_connections = 512;  ///< served at a time; further ones wait, and beyond as many again are refused
   int max_streams = 256;      ///< of them for events and logs being followed
   double heartbeat_seconds = 15;  ///< of silence on those
+  const Clock* clock = nullptr;   ///< of the rate limit; nullptr: the system's
 };
 
 /// The HTTP API: README.md in this folder lists its addresses. Serves from threads of its own until it is
 /// destroyed, which takes a fraction of a second even while clients watch.
 class HttpServer {
  public:
-  /// Errors: kUnavailable when it cannot listen; kUsage, kInvalidInput, kInternal from the state folder and
+  /// Errors: kUnavailable when it cannot listen; kUsage for an address that others reach without a certificate; kUsage, kInvalidInput, kInternal from the state folder and
   /// the store.
   [[nodiscard]] static Result<std::unique_ptr<HttpServer>> start(const HttpServerOptions& options,
                                                                  JobService& service, const Log& log);

@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <openssl/err.h>
+#include <openssl/ssl.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -11,6 +13,8 @@
 #include <chrono>
 #include <cmath>
 #include <utility>
+
+#include "coordinator/http/tls.h"
 
 namespace pf {
 namespace {
@@ -25,12 +29,60 @@ int milliseconds(double seconds) { return static_cast<int>(std::ceil(std::max(se
 
 }  // namespace
 
-HttpSocket::HttpSocket(int fd, const HttpLimits& limits, std::stop_token stop)
+void HttpSocket::FreeTls::operator()(::ssl_st* tls) const { SSL_free(tls); }
+
+HttpSocket::HttpSocket(int fd, const HttpLimits& limits, std::stop_token stop, const TlsContext* tls)
     : fd_(fd), limits_(limits), stop_(std::move(stop)) {
   ::fcntl(fd_, F_SETFD, FD_CLOEXEC);
+  if (tls == nullptr) return;
+  ::fcntl(fd_, F_SETFL, ::fcntl(fd_, F_GETFL) | O_NONBLOCK);
+  tls_.reset(SSL_new(tls->get()));
+  if (!tls_ || SSL_set_fd(tls_.get(), fd_) != 1) {
+    broken_ = true;
+    return;
+  }
+  SSL_set_accept_state(tls_.get());  // the first read or write shakes hands
 }
 
 HttpSocket::~HttpSocket() { ::close(fd_); }
+
+ssize_t HttpSocket::tls_outcome(int result, short& wanted) {
+  if (result > 0) return result;
+  switch (SSL_get_error(tls_.get(), result)) {
+    case SSL_ERROR_WANT_READ:
+      wanted = POLLIN;
+      return -1;
+    case SSL_ERROR_WANT_WRITE:
+      wanted = POLLOUT;
+      return -1;
+    case SSL_ERROR_ZERO_RETURN:
+      return 0;
+    default:
+      ERR_clear_error();
+      return -1;
+  }
+}
+
+ssize_t HttpSocket::receive_now(char* bytes, std::size_t count, short& wanted) {
+  wanted = 0;
+  if (tls_) return tls_outcome(SSL_read(tls_.get(), bytes, static_cast<int>(count)), wanted);
+  ssize_t got = -1;
+  do got = ::recv(fd_, bytes, count, MSG_DONTWAIT);
+  while (got < 0 && errno == EINTR);
+  if (got < 0 && errno == EAGAIN) wanted = POLLIN;
+  return got;
+}
+
+ssize_t HttpSocket::send_now(const char* bytes, std::size_t count, short& wanted) {
+  constexpr std::size_t kMostAtOnce = 1 << 20;
+  wanted = 0;
+  if (tls_) return tls_outcome(SSL_write(tls_.get(), bytes, static_cast<int>(std::min(count, kMostAtOnce))), wanted);
+  ssize_t sent = -1;
+  do sent = ::send(fd_, bytes, count, MSG_NOSIGNAL | MSG_DONTWAIT);
+  while (sent < 0 && errno == EINTR);
+  if (sent < 0 && errno == EAGAIN) wanted = POLLOUT;
+  return sent;
+}
 
 HttpSocket::Waited HttpSocket::wait(short events, double seconds) {
   const double end = now() + seconds;
@@ -51,27 +103,35 @@ bool HttpSocket::too_slow(double waited, std::uint64_t bytes) const {
   return waited > limits_.stall_seconds + static_cast<double>(bytes) / limits_.least_bytes_per_second;
 }
 
-ssize_t HttpSocket::read(char* bytes, std::size_t count) {
-  if (broken_) return -1;
-  if (taken_ == buffered_) {
+ssize_t HttpSocket::receive() {
+  while (true) {
+    short wanted = 0;
+    const ssize_t got = receive_now(buffer_.data(), buffer_.size(), wanted);
+    if (wanted == 0) {
+      broken_ = got < 0;
+      return got;
+    }
     const double from = now();
     const double patience = in_head_ ? limits_.head_seconds - read_waited_ : limits_.stall_seconds;
-    const Waited waited = wait(POLLIN, patience);
+    const Waited waited = wait(wanted, patience);
     read_waited_ += now() - from;
     const bool slow = in_head_ ? read_waited_ > limits_.head_seconds : too_slow(read_waited_, read_bytes_);
     if (waited == Waited::kTimeout || slow) {
       refuse("408 Request Timeout");
       return -1;
     }
-    ssize_t got = -1;
-    if (waited == Waited::kReady) {
-      do got = ::recv(fd_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
-      while (got < 0 && errno == EINTR);
+    if (waited == Waited::kBroken) {
+      broken_ = true;
+      return -1;
     }
-    if (got <= 0) {
-      broken_ = got < 0;
-      return got;
-    }
+  }
+}
+
+ssize_t HttpSocket::read(char* bytes, std::size_t count) {
+  if (broken_) return -1;
+  if (taken_ == buffered_) {
+    const ssize_t got = receive();
+    if (got <= 0) return got;
     taken_ = 0;
     buffered_ = static_cast<std::size_t>(got);
     read_bytes_ += buffered_;
@@ -107,16 +167,16 @@ ssize_t HttpSocket::write(const char* bytes, std::size_t count) {
   std::size_t done = 0;
   while (done < count) {
     if (broken_) return -1;
-    const double from = now();
-    const Waited waited = wait(POLLOUT, limits_.stall_seconds);
-    write_waited_ += now() - from;
-    if (waited != Waited::kReady || too_slow(write_waited_, written_bytes_)) {
-      broken_ = true;
-      return -1;
+    short wanted = 0;
+    const ssize_t sent = send_now(bytes + done, count - done, wanted);
+    if (wanted != 0) {
+      const double from = now();
+      const Waited waited = wait(wanted, limits_.stall_seconds);
+      write_waited_ += now() - from;
+      broken_ = waited != Waited::kReady || too_slow(write_waited_, written_bytes_);
+      continue;
     }
-    const ssize_t sent = ::send(fd_, bytes + done, count - done, MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (sent < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-    if (sent < 0) {
+    if (sent <= 0) {
       broken_ = true;
       return -1;
     }
@@ -133,6 +193,10 @@ bool HttpSocket::peer_gone() const {
 }
 
 void HttpSocket::refuse(std::string_view status) {
+  if (tls_ && SSL_is_init_finished(tls_.get()) == 0) {  // who does not shake hands cannot be told
+    broken_ = true;
+    return;
+  }
   const std::string reply = fmt::format(
       "HTTP/1.1 {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: "
       "0\r\n\r\n",
@@ -142,6 +206,10 @@ void HttpSocket::refuse(std::string_view status) {
 }
 
 void HttpSocket::finish() {
+  if (tls_ && !broken_) {
+    static_cast<void>(SSL_shutdown(tls_.get()));  // says that the reply was whole
+    ERR_clear_error();
+  }
   ::shutdown(fd_, SHUT_WR);
   const double end = now() + limits_.linger_seconds;
   while (now() < end && wait(POLLIN, end - now()) == Waited::kReady) {

@@ -5,10 +5,15 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <stop_token>
 #include <string_view>
 
+struct ssl_st;
+
 namespace pf {
+
+class TlsContext;
 
 /// What one connection may cost. Seconds count only while waiting for the other side.
 struct HttpLimits {
@@ -24,8 +29,8 @@ struct HttpLimits {
 /// for every byte; here heads are bounded, slow peers are cut off, and waiting ends when the server stops.
 class HttpSocket {
  public:
-  /// Takes the descriptor over.
-  HttpSocket(int fd, const HttpLimits& limits, std::stop_token stop);
+  /// Takes the descriptor over. `tls`: nullptr for plain HTTP; the handshake counts as part of the head.
+  HttpSocket(int fd, const HttpLimits& limits, std::stop_token stop, const TlsContext* tls = nullptr);
   HttpSocket(const HttpSocket&) = delete;
   HttpSocket& operator=(const HttpSocket&) = delete;
   ~HttpSocket();
@@ -43,6 +48,16 @@ class HttpSocket {
 
  private:
   enum class Waited { kReady, kTimeout, kBroken };
+  struct FreeTls {
+    void operator()(::ssl_st* tls) const;
+  };
+  /// As recv and send that never block; 0 at the end of what can be read. When nothing can be done before the socket is
+  /// ready, -1 and `wanted` is what to poll it for, else `wanted` is 0.
+  [[nodiscard]] ssize_t receive_now(char* bytes, std::size_t count, short& wanted);
+  [[nodiscard]] ssize_t send_now(const char* bytes, std::size_t count, short& wanted);
+  [[nodiscard]] ssize_t tls_outcome(int result, short& wanted);
+  /// Fills the buffer; as read.
+  [[nodiscard]] ssize_t receive();
   [[nodiscard]] Waited wait(short events, double seconds);
   /// Passes a byte of the head; false when that breaks a limit.
   [[nodiscard]] bool count_head(char c);
@@ -51,6 +66,7 @@ class HttpSocket {
   void refuse(std::string_view status);
 
   int fd_;
+  std::unique_ptr<::ssl_st, FreeTls> tls_;
   const HttpLimits limits_;
   std::stop_token stop_;
   std::array<char, 16384> buffer_;

@@ -30,16 +30,6 @@ bool is_token(std::string_view text) {
   return true;
 }
 
-Result<std::string> new_token() {
-  std::array<unsigned char, kTokenBytes> random{};
-  if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size())) {
-    return fail(ErrorKind::kInternal, "the system gives no random bytes for a token");
-  }
-  std::string token;
-  for (const unsigned char byte : random) token += fmt::format("{:02x}", byte);
-  return token;
-}
-
 }  // namespace
 
 Result<std::string> keep_token(const std::filesystem::path& state, std::string_view wanted) {
@@ -87,13 +77,21 @@ Result<void> write_url(const std::filesystem::path& state, std::string_view url)
   return write_file_atomically(state / "url", fmt::format("{}\n", url));
 }
 
-bool same_token(std::string_view given, std::string_view token) {
-  // Hashes have one length, and where two of them first differ says nothing about the token.
-  const std::string a = sha256_hex(given), b = sha256_hex(token);
-  unsigned difference = 0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
-  return difference == 0;
+Result<std::string> new_token() {
+  std::array<unsigned char, kTokenBytes> random{};
+  if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size())) {
+    return fail(ErrorKind::kInternal, "the system gives no random bytes for a token");
+  }
+  std::string token = "pf_";
+  for (const unsigned char byte : random) token += fmt::format("{:02x}", byte);
+  return token;
+}
+
+Result<void> keep_ca(const std::filesystem::path& state, std::string_view pem) {
+  if (!pem.empty()) return write_file_atomically(state / "ca.pem", pem);
+  std::error_code ignored;
+  std::filesystem::remove(state / "ca.pem", ignored);
+  return {};
 }
 
 }  // namespace pf

@@ -19,6 +19,7 @@ pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(draco REQUIRED IMPORTED_TARGET draco)
 pkg_check_modules(crypto REQUIRED IMPORTED_TARGET libcrypto)
+pkg_check_modules(ssl REQUIRED IMPORTED_TARGET libssl)
 pkg_check_modules(png REQUIRED IMPORTED_TARGET libpng)
 # OpenImageIO's CMake package names an include directory that Debian does not ship; pkg-config is right.
 pkg_check_modules(oiio REQUIRED IMPORTED_TARGET OpenImageIO)

@@ -28,10 +28,10 @@ TEST(FarmInit, MakesAllFilesAndKeepsSecretsToTheirOwner) {
   ASSERT_TRUE(make_farm_folder({folder, {"render.example.org", "10.0.0.7"}, 3, 4333}));
   const auto files = files_of(folder);
   for (const char* name : {"ca.pem", "ca-key.pem", "server.pem", "server-key.pem", "nats-server.conf", "coordinator.toml",
-                           "worker-1.toml", "worker-2.toml", "worker-3.toml"}) {
+                           "config.toml", "worker-1.toml", "worker-2.toml", "worker-3.toml"}) {
     EXPECT_TRUE(files.contains(name)) << name;
   }
-  EXPECT_EQ(files.size(), 9U);
+  EXPECT_EQ(files.size(), 10U);
   for (const auto& [name, text] : files) {
     const bool open = (fs::status(folder / name).permissions() & (fs::perms::group_all | fs::perms::others_all)) != fs::perms::none;
     EXPECT_EQ(open, name == "ca.pem" || name == "server.pem") << name;

@@ -168,7 +168,7 @@ TEST_F(ClientCommands, SubmitWaitGoesOnOverARestartOfTheServer) {
     EXPECT_TRUE(service_.wait_for_submission());
     EXPECT_TRUE(service_.wait_for_watcher());
     server_.reset();
-    options_.port = 0;
+    options_.config.http.port = 0;
     std::ofstream(temp_ / "state" / "url") << "http://127.0.0.1:1\n";  // the new one listens elsewhere
     start();
     EXPECT_TRUE(service_.wait_for_watcher());
