@@ -34,6 +34,7 @@ Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const C
       clock_(clock),
       unix_ms_(std::move(unix_ms)),
       log_(log),
+      metrics_(options_.metrics != nullptr ? *options_.metrics : uncounted_),
       registry_(options_.worker_silence_seconds) {}
 
 JobSurroundings Farm::surroundings() {
@@ -48,7 +49,8 @@ JobSurroundings Farm::surroundings() {
             const auto it = jobs_.find(job);
             if (it != jobs_.end()) it->second.log.add(unix_ms_(), level, source, text);
             log_.info("job", {{"id", job}, {"level", std::string(level)}, {"source", std::string(source)}, {"text", std::string(text)}});
-          }};
+          },
+          metrics_};
 }
 
 Result<void> Farm::restore() {
@@ -194,6 +196,7 @@ void Farm::give(const std::string& worker, Answer answer) {
 
 void Farm::accuse(const std::string& worker, const std::string& what) {
   registry_.quarantine(worker, what);
+  ++metrics_.quarantines;
   log_.error("worker quarantined", {{"worker", worker}, {"why", what}});
   for (auto& [id, entry] : jobs_) {
     if (entry.job->ended()) continue;
@@ -271,6 +274,9 @@ void Farm::tick() {
   }
   note_ended();
   pump();
+  std::uint64_t queued = 0;
+  for (const auto& [id, entry] : jobs_) queued += entry.job->queued();
+  metrics_.queued_units = queued;
 }
 
 void Farm::shut_down() {

@@ -16,6 +16,7 @@
 #include "coordinator/farm_job.h"
 #include "coordinator/job_log.h"
 #include "coordinator/job_service.h"
+#include "coordinator/metrics.h"
 #include "coordinator/worker_registry.h"
 
 namespace pf {
@@ -27,6 +28,7 @@ struct FarmOptions {
   double worker_silence_seconds = 10;     ///< after which a worker counts as lost
   std::size_t tasks_per_worker = 2;       ///< kept in the work queue
   std::uint64_t incarnation = 1;          ///< differs between processes: goes into the ids of tasks
+  Metrics* metrics = nullptr;             ///< where work is counted; nullptr: nobody asks
 };
 
 /// The coordinator without its surroundings: told what came in and what time it is, it answers through the port. All calls
@@ -77,6 +79,8 @@ class Farm {
   const Clock& clock_;
   std::function<std::int64_t()> unix_ms_;
   const Log& log_;
+  Metrics uncounted_;                      ///< when options name none
+  Metrics& metrics_;
   WorkerRegistry registry_;
   struct Entry {
     std::unique_ptr<FarmJob> job;

@@ -149,6 +149,7 @@ void FarmJob::on_held(const std::string& worker, const std::vector<UnitRange>& h
 
 void FarmJob::repeat_unit(UnitLedger::Out& unit, std::string_view why) {
   ++units_repeated_;
+  ++around_.metrics.retries;
   log("info", "coordinator",
       fmt::format("sub-passes {} to {} go out again (attempt {}): {}", unit.range.first, unit.range.end(), unit.attempt + 1, why));
   ledger_.reissue(unit.range.first, around_.clock.now());
@@ -218,8 +219,9 @@ void FarmJob::forget_worker(const std::string& worker) {
 }
 
 void FarmJob::after_progress() {
-  const std::uint64_t round = film_->round_begin();
+  const std::uint64_t round = film_->round_begin(), rounds = film_->rounds();
   film_->close_round_if_complete();
+  around_.metrics.rounds += film_->rounds() - rounds;
   if (film_->sums().faults.overflow > 0) {
     return finish(JobState::kFailed, overflow_message(record_.spec.job.name, film_->sums().faults.overflow));
   }

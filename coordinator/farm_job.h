@@ -19,6 +19,7 @@
 #include "common/wire/messages.h"
 #include "coordinator/job_record.h"
 #include "coordinator/job_service.h"
+#include "coordinator/metrics.h"
 #include "coordinator/result_intake.h"
 #include "coordinator/unit_ledger.h"
 
@@ -35,6 +36,7 @@ struct JobSurroundings {
   std::function<bool(const std::string& job, const BlobId& state)> others_need;
   /// A line in the job's log; source is "coordinator" or a worker's name.
   std::function<void(const std::string& job, std::string_view level, std::string_view source, std::string_view text)> log;
+  Metrics& metrics;
 };
 
 /// What came of something a worker said.

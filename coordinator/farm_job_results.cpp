@@ -86,6 +86,7 @@ void FarmJob::compare_with_first(const std::string& worker, const wire::ResultMa
                                        first->second.worker, worker, first->first);
   log("error", "coordinator", text);
   record_.warnings.push_back(text);
+  ++around_.metrics.alarms;
 }
 
 Answer FarmJob::refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why) {
@@ -158,8 +159,13 @@ Answer FarmJob::take_in(const std::string& worker, ResultIntake intake) {
   if (!is_wanted(manifest, why_not)) return refuse(worker, manifest, why_not);
   const double start = around_.clock.now();
   Answer answer = manifest.kind() == wire::Task::PREPARE ? take_in_prepared(worker, intake) : take_in_sums(worker, intake);
-  merge_seconds_ += around_.clock.now() - start;
-  if (answer.reply && answer.reply->verdict() == wire::ResultReply::ACCEPTED) bytes_received_ += intake.bytes();
+  const double took = around_.clock.now() - start;
+  merge_seconds_ += took;
+  around_.metrics.merge_seconds.observe(took);
+  if (answer.reply && answer.reply->verdict() == wire::ResultReply::ACCEPTED) {
+    bytes_received_ += intake.bytes();
+    around_.metrics.bytes_received += intake.bytes();
+  }
   return answer;
 }
 
@@ -257,7 +263,14 @@ void FarmJob::count(const std::string& worker, const wire::ResultManifest& manif
     first_results_.erase(first_order_.front());
     first_order_.pop_front();
   }
+  Metrics& metrics = around_.metrics;
+  metrics.rays += manifest.rays();
+  metrics.photon_paths += manifest.photon_paths();
+  metrics.sub_passes += sub_passes;
   for (const UnitRange& range : ranges) {
+    // A result says how long all its units took together.
+    metrics.unit_seconds.observe(manifest.trace_seconds() * static_cast<double>(range.count) / static_cast<double>(sub_passes));
+    ++metrics.units;
     ledger_.finish(range);
     ++units_done_;
   }

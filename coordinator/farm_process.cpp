@@ -40,6 +40,7 @@ Result<std::unique_ptr<FarmProcess>> FarmProcess::open(const Options& options, c
   farm.build_id = kBuildId;
   farm.ack_wait_seconds = options.engine.ack_wait_seconds;
   farm.incarnation = options.incarnation;
+  farm.metrics = options.metrics;
   process->farm_ =
       std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_, unix_ms, log);
   if (auto restored = process->farm_->restore(); !restored) {

@@ -26,6 +26,7 @@ class FarmProcess final : public JobService {
     EngineOptions engine;
     std::filesystem::path state;
     std::uint64_t incarnation = 1;
+    Metrics* metrics = nullptr;   ///< where work is counted
   };
   /// Connects and takes up the state folder's jobs. Errors: kUnavailable (engine), kUsage (folder).
   [[nodiscard]] static Result<std::unique_ptr<FarmProcess>> open(const Options& options, const Log& log);

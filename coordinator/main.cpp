@@ -7,6 +7,7 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <random>
 #include <string>
 
@@ -17,6 +18,7 @@
 #include "coordinator/config.h"
 #include "coordinator/farm_process.h"
 #include "coordinator/http/server.h"
+#include "coordinator/http/webhook.h"
 
 namespace {
 
@@ -67,17 +69,26 @@ int serve(const Options& options) {
   std::random_device random;
   farm.incarnation = (std::uint64_t{random()} << 32) | random();
   const pf::Log log;
+  pf::Metrics metrics;
+  farm.metrics = &metrics;
   auto process = pf::FarmProcess::open(farm, log);
   if (!process) return report_error(process.error());
   pf::HttpServerOptions http;
   http.config = *config;
+  http.metrics = &metrics;
   http.state = options.state;
   http.blobs = farm.state / "blobs";
   auto server = pf::HttpServer::start(http, **process, log);
   if (!server) return report_error(server.error());
   log.info("listening", {{"url", (*server)->url()}, {"build", pf::kBuildId}});
+  std::unique_ptr<pf::Webhook> webhook;
+  if (!config->notify.url.empty()) {
+    auto started = pf::Webhook::start(config->notify, options.state, **process, log);
+    if (!started) return report_error(started.error());
+    webhook = std::move(*started);
+  }
   const auto ended = (*process)->run(interrupted);
-  (*process)->close();
+  (*process)->close();  // who waits for its answers goes on
   return ended ? 0 : report_error(ended.error());
 }
 

@@ -97,6 +97,19 @@ HttpReply HttpRoutes::head_blob(const HttpRequest&, const Captures& captures) {
   return empty_reply(200);
 }
 
+HttpReply HttpRoutes::get_blob(const HttpRequest&, const Captures& captures) {
+  if (!is_sha256(captures[0])) return not_a_hash();
+  std::unique_lock lock(store_mutex_);
+  auto opened = OpenFile::open(store_.path_of({captures[0], 0}));
+  lock.unlock();
+  if (!opened) return problem(404, "not-found", "no such blob");
+  const auto file = std::make_shared<const OpenFile>(std::move(*opened));
+  HttpReply reply;
+  reply.content_type = "application/octet-stream";
+  reply.body = FileSlice{file, 0, file->bytes()};
+  return reply;
+}
+
 HttpReply HttpRoutes::put_blob(const HttpRequest& request, const Captures& captures) {
   const std::string& name = captures[0];
   if (!is_sha256(name)) return not_a_hash();

@@ -103,6 +103,7 @@ HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std
       stop_(std::move(stop)),
       store_(std::move(store)),
       tokens_(std::move(tokens)),
+      metrics_(options_.metrics != nullptr ? *options_.metrics : own_metrics_),
       limiter_(options_.limits.requests_per_second, options_.limits.request_burst,
                options_.clock != nullptr ? *options_.clock : system_clock_) {}
 
@@ -122,7 +123,9 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"GET", "/v1/jobs/{}/preview.png", &HttpRoutes::preview},
       Route{"GET", "/v1/workers", &HttpRoutes::list_workers},
       Route{"HEAD", "/v1/blobs/{}", &HttpRoutes::head_blob},
+      Route{"GET", "/v1/blobs/{}", &HttpRoutes::get_blob},
       Route{"PUT", "/v1/blobs/{}", &HttpRoutes::put_blob},
+      Route{"GET", "/v1/metrics", &HttpRoutes::metrics},
       Route{"GET", "/v1/tokens", &HttpRoutes::list_tokens},
       Route{"POST", "/v1/tokens", &HttpRoutes::create_token},
       Route{"DELETE", "/v1/tokens/{}", &HttpRoutes::revoke_token},
@@ -131,7 +134,10 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
 }
 
 HttpReply HttpRoutes::answer(HttpRequest request) {
-  HttpReply reply = route(request);
+  const double from = system_clock_.now();
+  std::string_view pattern = "none";
+  HttpReply reply = route(request, pattern);
+  metrics_.request(request.method, pattern, reply.status, system_clock_.now() - from);
   const std::string status = std::to_string(reply.status);
   if (reply.status >= 500) {
     log_.warning("http", {{"method", request.method}, {"path", request.path}, {"status", status}});
@@ -141,7 +147,7 @@ HttpReply HttpRoutes::answer(HttpRequest request) {
   return reply;
 }
 
-HttpReply HttpRoutes::route(HttpRequest& request) {
+HttpReply HttpRoutes::route(HttpRequest& request, std::string_view& answering) {
   if (auto refused = refused_access(request, *tokens_, limiter_)) return std::move(*refused);
   if (!request.path.starts_with('/'))
     return problem(404, "not-found", "no such address; expected one below /v1/");
@@ -163,6 +169,7 @@ HttpReply HttpRoutes::route(HttpRequest& request) {
     if (!fits) continue;
     // A HEAD is a GET whose body the library leaves out.
     if (route.method == request.method || (route.method == "GET" && request.method == "HEAD")) {
+      answering = route.pattern;
       return (this->*route.handler)(request, captures);
     }
     allowed.push_back(route.method);

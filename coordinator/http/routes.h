@@ -18,6 +18,7 @@
 #include "coordinator/http/access.h"
 #include "coordinator/http/message.h"
 #include "coordinator/job_service.h"
+#include "coordinator/metrics.h"
 
 namespace pf {
 
@@ -29,6 +30,7 @@ class HttpRoutes {
     std::filesystem::path state;             ///< holds the other tokens
     CoordinatorConfig::Limits limits;
     const Clock* clock = nullptr;            ///< of the rate limit; nullptr: the system's
+    Metrics* metrics = nullptr;              ///< nullptr: requests alone are counted
     std::filesystem::path blobs;             ///< folder of the blob store
     std::uint64_t max_body_bytes = 8 << 20;  ///< of what is no blob
     int max_streams = 256;                   ///< events and logs being followed at a time
@@ -52,7 +54,8 @@ class HttpRoutes {
   HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop, BlobStore store,
              std::unique_ptr<TokenStore> tokens);
   [[nodiscard]] static std::span<const Route> routes();
-  [[nodiscard]] HttpReply route(HttpRequest& request);
+  /// `pattern` becomes that of the route that answers.
+  [[nodiscard]] HttpReply route(HttpRequest& request, std::string_view& pattern);
   /// The text of a JSON body, or the reply that refuses it.
   [[nodiscard]] tl::expected<std::string, HttpReply> json_body(const HttpRequest& request) const;
   /// A reply for a job that this caller may not send: too large, or one too many.
@@ -76,7 +79,9 @@ class HttpRoutes {
   [[nodiscard]] HttpReply preview(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_workers(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply head_blob(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply get_blob(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply put_blob(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply metrics(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_tokens(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply create_token(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply revoke_token(const HttpRequest&, const Captures&);
@@ -90,6 +95,8 @@ class HttpRoutes {
   std::atomic<int> streams_{0};
   std::unique_ptr<TokenStore> tokens_;
   const SystemClock system_clock_;
+  Metrics own_metrics_;
+  Metrics& metrics_;
   RateLimiter limiter_;
 };
 

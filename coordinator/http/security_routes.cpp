@@ -1,4 +1,4 @@
-// The routes of tokens, and what a caller may cost.
+// The routes of tokens and metrics, and what a caller may cost.
 
 #include <array>
 #include <chrono>
@@ -35,6 +35,13 @@ double pixels_of(const std::string& spec_json) {
 }
 
 }  // namespace
+
+HttpReply HttpRoutes::metrics(const HttpRequest&, const Captures&) {
+  HttpReply reply;
+  reply.content_type = "text/plain; version=0.0.4; charset=utf-8";
+  reply.body = metrics_.text(service_.list(), service_.workers());
+  return reply;
+}
 
 HttpReply HttpRoutes::list_tokens(const HttpRequest&, const Captures&) {
   json tokens = json::array();

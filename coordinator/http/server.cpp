@@ -296,6 +296,7 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& o
                                   .state = options.state,
                                   .limits = options.config.limits,
                                   .clock = options.clock,
+                                  .metrics = options.metrics,
                                   .blobs = options.blobs,
                                   .max_streams = options.max_streams,
                                   .heartbeat_seconds = options.heartbeat_seconds},

@@ -10,6 +10,7 @@
 #include "coordinator/config.h"
 #include "coordinator/http/socket.h"
 #include "coordinator/job_service.h"
+#include "coordinator/metrics.h"
 
 namespace pf {
 
@@ -22,6 +23,7 @@ struct HttpServerOptions {
   int max_connections = 512;  ///< served at a time; further ones wait, and beyond as many again are refused
   int max_streams = 256;      ///< of them for events and logs being followed
   double heartbeat_seconds = 15;  ///< of silence on those
+  Metrics* metrics = nullptr;     ///< what /v1/metrics shows beside jobs and workers; nullptr: the requests alone
   const Clock* clock = nullptr;   ///< of the rate limit; nullptr: the system's
 };
 

@@ -68,11 +68,13 @@ class SecondResult : public testing::Test {
   FakeClock clock_{100.0};
   BlobStore blobs_ = std::move(*BlobStore::open(folder_ / "blobs", 0));
   std::string log_;
+  Metrics metrics_;
   JobSurroundings around_{blobs_, clock_, [] { return std::int64_t{1}; }, "build", 5.0,
                           [](const std::string&, const BlobId&) { return false; },
                           [this](const std::string&, std::string_view level, std::string_view, std::string_view text) {
                             log_.append(level).append(": ").append(text).append("\n");
-                          }};
+                          },
+                          metrics_};
   std::unique_ptr<FarmJob> job_;
 };
 
