@@ -5,6 +5,8 @@
 #include "common/base/atomic_file.h"
 #include "common/base/memory.h"
 #include "common/film/render_result.h"
+#include "common/wire/bundle.h"
+#include "common/wire/limits.h"
 #include "common/wire/state_blob.h"
 #include "coordinator/farm_job.h"
 
@@ -122,12 +124,14 @@ Result<void> FarmJob::write_result() {
   result.warnings = record_.warnings;
   result.render_seconds = seconds();
   const JobSpec& spec = record_.spec;
+  const auto manifest = around_.blobs.read(record_.bundle, 0, kMaxBundleBytes);
   const ResultLabels labels{.name = spec.job.name,
                             .exposure = static_cast<float>(spec.image.exposure),
                             .spec_hash = image_hash_of_spec(spec),
                             .scene_hash = record_.scene_hash,
                             .plan = record_.plan,
                             .spec_json = canonical_json(spec),
+                            .files = file_list_json(manifest ? files_of_bundle(*manifest).value_or(FileList()) : FileList()),
                             .seed = spec.integrator.seed};
   if (auto done = write_images(*film_, labels, folder_, result); !done) return done;
   result.write_seconds = around_.clock.now() - start;

@@ -15,6 +15,8 @@
 
 namespace pf {
 
+inline constexpr const char* kJobHelp = "the job: its id, the begin of it, or its name (the one submitted last)";
+
 /// What every command that speaks to a service has in common: its options, its client, how it reports.
 class ClientCommand {
  public:

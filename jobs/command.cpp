@@ -29,9 +29,20 @@ constexpr std::array kCommands = {
     Command{"watch", "show a job's progress until it has ended", "photonfarm watch JOB", run_watch_command},
     Command{"logs", "print what was logged about a job", "photonfarm logs JOB --follow", run_logs_command},
     Command{"cancel", "end a job; the image so far stays", "photonfarm cancel JOB", run_cancel_command},
+    Command{"pause", "set a job aside; its checkpoint is kept", "photonfarm pause JOB", run_pause_command},
+    Command{"resume", "let a paused job go on", "photonfarm resume JOB", run_resume_command},
+    Command{"retry", "start a failed or cancelled job again", "photonfarm retry JOB", run_retry_command},
+    Command{"extend", "give a job more passes, time or a lower error", "photonfarm extend JOB --passes 1024", run_extend_command},
+    Command{"set", "change a job's priority or its most workers", "photonfarm set JOB --priority 80", run_set_command},
+    Command{"remove", "remove a job that has ended", "photonfarm remove JOB", run_remove_command},
+    Command{"units", "list a job's work units", "photonfarm units JOB", run_units_command},
+    Command{"validate", "check a job file by the farm's rules", "photonfarm validate JOB.toml", run_validate_command},
     Command{"download", "fetch a job's images and figures", "photonfarm download JOB --out out", run_download_command},
-    Command{"workers", "list the farm's workers", "photonfarm workers", run_workers_command},
+    Command{"verify", "check a result by computing it again", "photonfarm verify IMAGE.exr --scene jobs", run_verify_command},
+    Command{"estimate", "predict a job's time, memory and network bytes", "photonfarm estimate JOB.toml --error 0.01", run_estimate_command},
+    Command{"workers", "list, drain, disable and enable workers", "photonfarm workers drain worker-3", run_workers_command},
     Command{"token", "make, list and revoke tokens of the service", "photonfarm token create anna --role submit", run_token_command},
+    Command{"completion", "print a shell's completion script", "source <(photonfarm completion bash)", run_completion_command},
     Command{"doctor", "check that this machine can render", "photonfarm doctor", run_doctor_command},
 };
 
@@ -40,7 +51,7 @@ std::string help_text() {
       "photonfarm {}: renders glTF scenes with photon mapping\n\nUsage: photonfarm COMMAND "
       "[ARGUMENTS]\n\nCommands:\n",
       kVersion);
-  for (const Command& command : kCommands) text += fmt::format("  {:<10}{}\n", command.name, command.summary);
+  for (const Command& command : kCommands) text += fmt::format("  {:<12}{}\n", command.name, command.summary);
   text +=
       "\nOptions:\n  -h,--help  this text; after a command, the command's\n  --version  version and build "
       "id\n\nExamples:\n";
@@ -74,6 +85,10 @@ std::vector<std::string> option_names(const CLI::App& app) {
 std::span<const Command> commands() { return kCommands; }
 
 std::optional<int> parse_arguments(CLI::App& app, const Context& context, const Arguments& arguments) {
+  if (context.inspect) {
+    context.inspect(app);
+    return 0;
+  }
   Arguments reversed(arguments.rbegin(), arguments.rend());  // CLI11 takes them from the back
   try {
     app.parse(std::move(reversed));

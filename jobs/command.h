@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <iosfwd>
 #include <optional>
 #include <span>
@@ -27,6 +28,8 @@ struct Context {
   std::string token = {};    ///< PHOTONFARM_TOKEN
   bool terminal = false;     ///< standard error is one
   int columns = 80;          ///< of that
+  /// When set, a command shows its parser to it and does nothing else; for shell completion.
+  std::function<void(const CLI::App& parser)> inspect = {};
 };
 
 using Arguments = std::vector<std::string>;
@@ -62,6 +65,17 @@ struct Command {
 [[nodiscard]] int run_cancel_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_download_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_workers_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_pause_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_resume_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_retry_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_extend_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_set_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_remove_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_units_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_validate_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_completion_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_verify_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_estimate_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_token_command(const Context& context, const Arguments& arguments);
 
 }  // namespace pf

@@ -93,6 +93,11 @@ bool is_path_segment(std::string_view text) {
   return !text.empty() && text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
 }
 
+bool is_worker_name(std::string_view text) {
+  return !text.empty() && text.size() <= 64 &&
+         text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-") == std::string_view::npos;
+}
+
 std::string job_line(const json& job, StatusLine::Style style) {
   const double fraction = fraction_done(job);
   std::string text = style == StatusLine::Style::kBar ? progress_bar(fraction) : std::string();
@@ -135,6 +140,20 @@ std::string workers_table(const json& workers) {
                     fmt::format("{:.0f}", job_number(worker, "sub_passes")),
                     fmt::format("{:.1f} s ago", job_number(worker, "seconds_since_heard")),
                     job_text(worker, "message")});
+  }
+  return table(rows);
+}
+
+std::string units_table(const json& units) {
+  if (units.empty()) return "no units\n";
+  std::vector<Row> rows = {{"FIRST", "COUNT", "STATE", "ATTEMPTS", "WORKER", "SECONDS", "SUMS"}};
+  for (const json& unit : units) {
+    const auto number = [&](std::string_view member) { return fmt::format("{:.0f}", job_number(unit, member)); };
+    const std::string worker = job_text(unit, "worker"), hash = job_text(unit, "sums_hash");
+    const double seconds = job_number(unit, "seconds");
+    rows.push_back({number("first"), number("count"), job_text(unit, "state"), number("attempts"),
+                    worker.empty() ? "-" : worker, seconds > 0 ? fmt::format("{:.2f}", seconds) : "-",
+                    hash.empty() ? "-" : hash.substr(0, 16)});
   }
   return table(rows);
 }

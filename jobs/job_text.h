@@ -19,11 +19,15 @@ namespace pf {
 /// True for what may stand in an address as it is: a-z, 0-9 and -.
 [[nodiscard]] bool is_path_segment(std::string_view text);
 
+/// [A-Za-z0-9_-]{1,64}, as the engine has it.
+[[nodiscard]] bool is_worker_name(std::string_view text);
+
 /// One line while it runs: `[####................]  25 %  16/64 passes  0:30 left  error 0.05  3.1 Mrays/s  2
 /// workers`.
 [[nodiscard]] std::string job_line(const nlohmann::json& job, StatusLine::Style style);
 [[nodiscard]] std::string jobs_table(const nlohmann::json& jobs);
 [[nodiscard]] std::string workers_table(const nlohmann::json& workers);
+[[nodiscard]] std::string units_table(const nlohmann::json& units);
 [[nodiscard]] std::string tokens_table(const nlohmann::json& tokens);
 /// Every figure of one job, a line each.
 [[nodiscard]] std::string job_description(const nlohmann::json& job);

@@ -78,7 +78,7 @@ int run_logs_command(const Context& context, const Arguments& arguments) {
   bool follow = false;
   ClientCommand command(context, "logs", "Prints what coordinator and workers logged about a job.");
   command.app()
-      .add_option("JOB", what, "the job: its id, the begin of it, or its name (the one submitted last)")
+      .add_option("JOB", what, kJobHelp)
       ->required();
   command.app().add_flag("--follow", follow, "go on until the job has ended");
   command.examples("  photonfarm logs glass-caustic\n  photonfarm logs glass-caustic --follow");

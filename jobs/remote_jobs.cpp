@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "common/base/nearest_name.h"
 #include "jobs/job_text.h"
@@ -35,10 +36,30 @@ class EventReader {
 
 }  // namespace
 
+Result<json> list_jobs(ServiceClient& client, const std::string& state, bool patient) {
+  json all = json::array();
+  std::string before;
+  do {
+    std::string path = "/v1/jobs?";
+    if (!state.empty()) path += "state=" + state + "&";
+    if (!before.empty()) path += "before=" + before;
+    path.erase(path.find_last_not_of("?&") + 1);
+    const auto page = client.ask({.path = path}, patient);
+    if (!page) return page;
+    const json jobs = page->value("jobs", json::array());
+    if (!jobs.is_array()) break;
+    all.insert(all.begin(), jobs.begin(), jobs.end());
+    const std::string next = job_text(*page, "before");
+    if (next == before || !is_path_segment(next)) break;
+    before = next;
+  } while (true);
+  return all;
+}
+
 Result<json> find_job(ServiceClient& client, const std::string& what, bool patient) {
-  const auto reply = client.ask({.path = "/v1/jobs"}, patient);
-  if (!reply) return reply;
-  const json jobs = reply->value("jobs", json::array());
+  const auto listed = list_jobs(client, "", patient);
+  if (!listed) return listed;
+  const json& jobs = *listed;
   std::vector<const json*> named, begun;
   std::vector<std::string> known;
   for (const json& job : jobs) {
@@ -63,6 +84,24 @@ Result<json> find_job(ServiceClient& client, const std::string& what, bool patie
   if (const auto near = nearest_name(what, std::span<const std::string>(known)))
     message += fmt::format("; did you mean '{}'?", *near);
   return fail(ErrorKind::kUsage, message);
+}
+
+Result<json> all_units(ServiceClient& client, const std::string& id) {
+  json units = json::array();
+  std::optional<double> after;
+  while (true) {
+    std::string path = "/v1/jobs/" + id + "/units";
+    if (after) path += fmt::format("?after={:.0f}", *after);
+    const auto page = client.ask({.path = path}, true);
+    if (!page) return page;
+    const json more = page->value("units", json::array());
+    if (!more.is_array() || more.empty()) return units;
+    const double last = job_number(more.back(), "first");
+    // A service that knows no pages sends the same ones again.
+    if (after && last <= *after) return units;
+    units.insert(units.end(), more.begin(), more.end());
+    after = last;
+  }
 }
 
 Result<json> watch_job(ServiceClient& client, const std::string& id,

@@ -15,6 +15,9 @@ namespace pf {
 // What the client commands do with jobs of a service. A job is the JSON that the service gives (JobView): its
 // fields are read by the functions of job_text.h, and absent ones do no harm.
 
+/// All jobs of the service, in this state if one is named, by time of submission; page by page.
+[[nodiscard]] Result<nlohmann::json> list_jobs(ServiceClient& client, const std::string& state, bool patient);
+
 /// The job that a person means: an id, a job's name (of several, the one submitted last) or the begin of one
 /// id. Errors: kUsage, with the nearest name; kUnavailable.
 [[nodiscard]] Result<nlohmann::json> find_job(ServiceClient& client, const std::string& what, bool patient);
@@ -23,6 +26,9 @@ namespace pf {
 /// service was away. Errors: kUnavailable, kInterrupted, kUsage when the service no longer knows it.
 [[nodiscard]] Result<nlohmann::json> watch_job(ServiceClient& client, const std::string& id,
                                                const std::function<void(const nlohmann::json&)>& show);
+
+/// Every work unit of a job that the service still knows (GET /v1/jobs/{id}/units), page by page.
+[[nodiscard]] Result<nlohmann::json> all_units(ServiceClient& client, const std::string& id);
 
 struct DownloadedFiles {
   std::filesystem::path exr, png, json;

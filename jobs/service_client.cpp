@@ -171,6 +171,16 @@ Result<ServiceReply> ServiceClient::try_call(const ServiceCall& call) {
   return reply;
 }
 
+bool ServiceClient::pause(double seconds) const {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  while (Clock::now() < end) {
+    if (interrupted()) return false;
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(kLookSeconds, seconds)));
+  }
+  return !interrupted();
+}
+
 Result<void> ServiceClient::wait_to_retry(const Error& last) {
   using Clock = std::chrono::steady_clock;
   if (!away_) {
@@ -187,10 +197,7 @@ Result<void> ServiceClient::wait_to_retry(const Error& last) {
   };
   if (seconds_since(away_since_) >= (answered_ ? options_.retry_seconds : options_.first_seconds))
     return tl::unexpected(last);
-  for (const auto from = Clock::now(); seconds_since(from) < pause_seconds_;) {
-    if (interrupted()) return fail(ErrorKind::kInterrupted, "interrupted");
-    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(kLookSeconds, pause_seconds_)));
-  }
+  if (!pause(pause_seconds_)) return fail(ErrorKind::kInterrupted, "interrupted");
   pause_seconds_ = std::min(2 * pause_seconds_, kLongestPause);
   return {};
 }

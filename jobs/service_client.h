@@ -56,6 +56,8 @@ class ServiceClient {
   /// Tries again, within the options' seconds, while the service is not reachable or says 503; such a call
   /// must do no harm when it comes twice. Errors as above.
   [[nodiscard]] Result<ServiceReply> call(const ServiceCall& call);
+  /// False when interrupted meanwhile.
+  [[nodiscard]] bool pause(double seconds) const;
   /// Waits before another try. Errors: `last` when that took too long already; kInterrupted.
   [[nodiscard]] Result<void> wait_to_retry(const Error& last);
 

@@ -8,7 +8,6 @@
 #include <system_error>
 #include <utility>
 
-#include "common/base/hash.h"
 #include "common/wire/bundle.h"
 
 namespace pf {
@@ -44,35 +43,60 @@ Result<void> upload(ServiceClient& client, const SubmittedFile& file) {
 }  // namespace
 
 Result<std::vector<SubmittedFile>> hash_files(const JobSpec& spec) {
-  const auto bundle = files_of_job(spec);
-  if (!bundle) return tl::unexpected(bundle.error());
+  const auto hashed = hashed_files_of_job(spec);
+  if (!hashed) return tl::unexpected(hashed.error());
   std::vector<SubmittedFile> files;
-  for (const BundleFile& file : *bundle) {
-    auto hash = sha256_hex_of_file(file.source);
-    if (!hash) return tl::unexpected(hash.error());
-    std::error_code error;
-    const std::uint64_t bytes = std::filesystem::file_size(file.source, error);
-    if (error)
-      return fail(ErrorKind::kInvalidInput, fmt::format("{}: {}", file.source.string(), error.message()));
-    files.push_back({file.path, file.source, {std::move(*hash), bytes}});
-  }
+  for (const auto& [path, id] : *hashed) files.push_back({path, spec.folder / path, id});
   return files;
 }
 
-Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
-  const auto key = new_key();
-  if (!key) return tl::unexpected(key.error());
+json submission_body(const JobSpec& spec, const std::vector<SubmittedFile>& files) {
   json listed = json::array();
+  for (const SubmittedFile& file : files)
+    listed.push_back({{"path", file.path}, {"sha256", file.id.sha256}, {"bytes", file.id.bytes}});
+  return {{"spec", json::parse(canonical_json(spec))}, {"files", std::move(listed)}};
+}
+
+Result<void> upload_files(ServiceClient& client, const std::vector<SubmittedFile>& files) {
   std::set<std::string> sent;
   for (const SubmittedFile& file : files) {
-    listed.push_back({{"path", file.path}, {"sha256", file.id.sha256}, {"bytes", file.id.bytes}});
     if (!sent.insert(file.id.sha256).second) continue;
-    if (auto uploaded = upload(client, file); !uploaded) return tl::unexpected(uploaded.error());
+    if (auto uploaded = upload(client, file); !uploaded) return uploaded;
   }
-  const json body = {{"spec", json::parse(canonical_json(spec))}, {"files", std::move(listed)}};
-  return client.ask(
-      {.method = "POST", .path = "/v1/jobs", .headers = {{"Idempotency-Key", *key}}, .body = body.dump()},
-      true);
+  return {};
+}
+
+namespace {
+
+Result<json> post_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
+  const auto key = new_key();
+  if (!key) return tl::unexpected(key.error());
+  return client.ask({.method = "POST",
+                     .path = "/v1/jobs",
+                     .headers = {{"Idempotency-Key", *key}},
+                     .body = submission_body(spec, files).dump()},
+                    true);
+}
+
+}  // namespace
+
+Result<json> submit_known_files(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
+  for (const SubmittedFile& file : files) {
+    const auto head = client.call({.method = "HEAD", .path = "/v1/blobs/" + file.id.sha256});
+    if (!head) return tl::unexpected(head.error());
+    if (head->status == 404) {
+      return fail(ErrorKind::kInvalidInput,
+                  fmt::format("{} does not have {} any more (SHA-256 {}); expected --scene FOLDER with the job's files",
+                              client.url(), file.path, file.id.sha256));
+    }
+    if (head->status != 200) return tl::unexpected(client.check(*head).error());
+  }
+  return post_job(client, spec, files);
+}
+
+Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
+  if (auto uploaded = upload_files(client, files); !uploaded) return tl::unexpected(uploaded.error());
+  return post_job(client, spec, files);
 }
 
 }  // namespace pf

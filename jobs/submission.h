@@ -23,6 +23,16 @@ struct SubmittedFile {
 /// Every file of a job with its hash. Errors: kInvalidInput.
 [[nodiscard]] Result<std::vector<SubmittedFile>> hash_files(const JobSpec& spec);
 
+/// The body of POST /v1/jobs.
+[[nodiscard]] nlohmann::json submission_body(const JobSpec& spec, const std::vector<SubmittedFile>& files);
+
+/// Uploads what the service lacks.
+[[nodiscard]] Result<void> upload_files(ServiceClient& client, const std::vector<SubmittedFile>& files);
+
+/// Posts a job whose files the service has all. Errors: kInvalidInput, naming those that it lacks.
+[[nodiscard]] Result<nlohmann::json> submit_known_files(ServiceClient& client, const JobSpec& spec,
+                                                        const std::vector<SubmittedFile>& files);
+
 /// Uploads what the service lacks, then posts the job; once, however often the service goes away meanwhile.
 /// Returns the job. Errors: those of ServiceClient::ask; kInvalidInput for a file that changed meanwhile.
 [[nodiscard]] Result<nlohmann::json> submit_job(ServiceClient& client, const JobSpec& spec,

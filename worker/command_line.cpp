@@ -6,11 +6,13 @@
 #include <fmt/format.h>
 
 #include "build_id.h"
+#include "common/base/cli_tree.h"
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/spec/job_spec.h"
 #include "worker/plan/plan.h"
 #include "worker/progress.h"
+#include "worker/recompute.h"
 #include "worker/render_job.h"
 #include "worker/serve.h"
 
@@ -24,6 +26,9 @@ struct Options {
   std::string out = "out";
   bool resume = false;
   bool json = false;
+  // unit
+  std::string checkpoint;
+  std::vector<std::string> units;
   // serve
   std::string engine, credentials, name, cache = "cache";
   std::uint64_t cache_gib = 8;
@@ -70,6 +75,15 @@ int show_plan(const WorkerContext& context, const Options& options) {
   } else {
     context.out << plan_text(*spec, facts, plan);
   }
+  return 0;
+}
+
+int recompute(const WorkerContext& context, const Options& options) {
+  auto spec = load_job(options.job, options.overrides);
+  if (!spec) return report_error(context, spec.error());
+  const auto done = recompute_units({*spec, options.checkpoint, options.units, options.threads}, SystemClock());
+  if (!done) return report_error(context, done.error());
+  context.out << *done << '\n';
   return 0;
 }
 
@@ -126,8 +140,20 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
   add_common(plan_command);
   plan_command.footer("Example:\n  photonfarm plan jobs/glass-caustic.toml");
 
+  CLI::App& unit_command = *app.add_subcommand("unit", "trace work units of a farm's job again and print the hashes of their sums");
+  add_common(unit_command);
+  unit_command.add_option("--units", options.units, "units that one result brought: FIRST:COUNT,FIRST:COUNT...; may come again")
+      ->required()
+      ->take_all()
+      ->allow_extra_args(false);
+  unit_command.add_option("--checkpoint", options.checkpoint, "the farm's checkpoint of the job: holds the radii of the open round");
+  unit_command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
+  unit_command.footer("Example:\n  photonfarm-worker unit job.toml --units 0:4,8:2 --json");
+
   CLI::App& serve_command = *app.add_subcommand("serve", "trace units of a farm's jobs until told to stop");
   add_serve_options(serve_command, options);
+
+  CLI::App& describe_command = *app.add_subcommand("describe-commands", "")->group("");  // for photonfarm completion
 
   std::vector<std::string> reversed(arguments.rbegin(), arguments.rend());  // what CLI11 wants
   try {
@@ -136,6 +162,11 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
     const int code = app.exit(error, context.out, context.err);
     return code == 0 ? 0 : exit_code(ErrorKind::kUsage);
   }
+  if (describe_command.parsed()) {
+    context.out << cli_tree(app) << '\n';
+    return 0;
+  }
+  if (unit_command.parsed()) return recompute(context, options);
   if (serve_command.parsed()) return serve(context, options);
   return render_command.parsed() ? render(context, options) : show_plan(context, options);
 }

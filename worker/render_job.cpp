@@ -10,6 +10,7 @@
 #include "build_id.h"
 #include "common/base/atomic_file.h"
 #include "common/base/memory.h"
+#include "common/wire/bundle.h"
 #include "worker/integrators/factory.h"
 #include "worker/scene/gltf_loader.h"
 #include "worker/scene/scene_hash.h"
@@ -140,6 +141,7 @@ class Rendering {
                               .scene_hash = job_.scene_hash,
                               .plan = plan_line(job_.plan),
                               .spec_json = canonical_json(job_.spec),
+                              .files = file_list_json(hashed_files_of_job(job_.spec).value_or(FileList())),
                               .seed = job_.spec.integrator.seed};
     if (auto done = write_images(film_, labels, request_.out, result); !done) return tl::unexpected(done.error());
     result.write_seconds = clock_.now() - written_from;

@@ -1,7 +1,7 @@
 // Checkpoint of a film, little-endian:
-//   8 bytes   "PFCKPT04"
-//   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), then the states,
-//             the pixel sums, the features, the extras and the biases, packed
+//   8 bytes   "PFCKPT05"
+//   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), 64 bytes of the
+//             rounds' chain, then the states, the pixel sums, the features, the extras and the biases, packed
 //   64 bytes  SHA-256 of everything before, hexadecimal
 // A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there. Both ways stream: beside
 // the film itself no more than a buffer is held.
@@ -25,7 +25,7 @@ namespace pf {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
-constexpr std::string_view kMagic = "PFCKPT04";
+constexpr std::string_view kMagic = "PFCKPT05";
 constexpr std::size_t kDigestBytes = 64;
 /// Of identity and attachment: bounds what a damaged length can make us allocate.
 constexpr std::uint32_t kMaxTextBytes = 1u << 26;
@@ -195,6 +195,7 @@ Result<void> Film::save(const std::filesystem::path& file, const std::string& id
     out.put_text(identity);
     out.put_text(attachment);
     out.put(&header, 1);
+    out.put(chain_.data(), chain_.size());
     out.put(state_.data(), state_.size());
     out.put(sums_.pixels.data(), sums_.pixels.size());
     out.put(sums_.features.data(), sums_.features.size());
@@ -225,7 +226,7 @@ Result<Film> Film::load(const std::filesystem::path& file, const std::string& id
   Film film(FilmOptions{h.width, h.height, static_cast<Estimator>(h.estimator),
                         SumScale{h.radiance, h.flow, h.square, h.depth}, h.alpha, h.round_growth,
                         static_cast<Extra>(h.extra), h.part_edge, h.hit_points});
-  if (!in.take(film.state_.data(), film.state_.size()) || !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
+  if (!in.take(film.chain_.data(), film.chain_.size()) || !in.take(film.state_.data(), film.state_.size()) || !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
       !in.take(film.sums_.features.data(), film.sums_.features.size()) ||
       !in.take(film.sums_.extras.data(), film.sums_.extras.size()) || !in.take(film.bias_.data(), film.bias_.size()) ||
       !in.at_end()) {

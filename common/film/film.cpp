@@ -1,6 +1,11 @@
 #include "common/film/film.h"
 
 #include <cmath>
+#include <span>
+
+#include <fmt/format.h>
+
+#include "common/base/hash.h"
 
 namespace pf {
 namespace {
@@ -73,10 +78,19 @@ void Film::close_round_if_complete() {
       sums_.pixels[i].flow[flow] = {};
     }
   }
+  // A fast hash of the state, a strong one over the links: about 1 ms a million pixels.
+  const std::string state = xxh3_128(std::as_bytes(std::span(state_))).hex();
   do {  // one result may end several rounds of an estimator that has no barrier
     round_begin_ = round_end();
     ++rounds_;
+    chain_ = sha256_hex(fmt::format("{} round {} until {} state {}", chain_, rounds_, round_begin_, state));
   } while (sums_.sub_passes >= round_end());
+}
+
+std::string Film::state_chain() const {
+  return sha256_hex(fmt::format("{} sub-passes {} sums {} extras {}", chain_, sums_.sub_passes,
+                                xxh3_128(std::as_bytes(std::span(sums_.pixels))).hex(),
+                                xxh3_128(std::as_bytes(std::span(sums_.extras))).hex()));
 }
 
 std::uint64_t Film::round_end() const {

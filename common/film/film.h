@@ -40,6 +40,12 @@ class Film {
   /// The barrier: when the open round is complete, folds its flow into the state and opens the next one.
   void close_round_if_complete();
 
+  /// What the closed rounds did, as one hash: SHA-256 over the link before it and the state that each round left. Two runs of equal
+  /// chains had equal states at every barrier; where they part tells the round. 64 zeros before the first barrier.
+  [[nodiscard]] const std::string& round_chain() const { return chain_; }
+  /// The same with one link more, the sums that no round has folded in yet: names the film as it is.
+  [[nodiscard]] std::string state_chain() const;
+
   /// The image so far. An open round is folded in tentatively: nothing changes.
   [[nodiscard]] LayeredImage image() const;
   /// The same, made row by row while it is written; the film must outlive it unchanged.
@@ -82,6 +88,7 @@ class Film {
   std::vector<std::array<float, kFlows>> bias_;  ///< Extra::kBias: kept as tau is, in steps of SumScale::flow
   std::uint64_t round_begin_ = 0;
   std::uint64_t rounds_ = 0;
+  std::string chain_ = std::string(64, '0');
   bool has_radii_ = false;
 };
 

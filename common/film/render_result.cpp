@@ -34,6 +34,8 @@ Result<void> write_images(const Film& film, const ResultLabels& labels, const st
                     {"passes", fmt::format("{}", result.passes)},
                     {"rounds", fmt::format("{}", result.rounds)},
                     {"photons", fmt::format("{}", result.photon_paths)},
+                    {"state_chain", film.state_chain()},
+                    {"files", labels.files},
                     {"build_id", kBuildId},
                     {"plan", labels.plan},
                     {"spec", labels.spec_json}};

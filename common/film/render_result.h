@@ -27,6 +27,7 @@ struct ResultLabels {
   std::string name;                             ///< of the files
   float exposure = 0;                           ///< stops, for the PNG
   std::string spec_hash, scene_hash, plan, spec_json;
+  std::string files;                            ///< of the scene: FileList as JSON (common/wire/bundle.h)
   std::uint64_t seed = 0;
 };
 

@@ -8,7 +8,9 @@
 #include <system_error>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
+#include "common/base/hash.h"
 #include "common/wire/gltf_files.h"
 #include "common/wire/limits.h"
 #include "common/wire/message_scan.h"
@@ -203,6 +205,55 @@ Result<JobSpec> unpack_bundle(std::string_view manifest, const BlobStore& store,
   }
   spec->folder = folder;
   return spec;
+}
+
+std::string file_list_json(const FileList& files) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const auto& [path, id] : files) list.push_back({{"path", path}, {"sha256", id.sha256}, {"bytes", id.bytes}});
+  return list.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+Result<FileList> parse_file_list(std::string_view text) {
+  const auto broken = [](std::string_view what) {
+    return fail(ErrorKind::kInvalidInput, fmt::format("list of files: {}; expected [{{\"path\", \"sha256\", \"bytes\"}}]", what));
+  };
+  FileList files;
+  try {
+    for (const nlohmann::json& file : nlohmann::json::parse(text)) {
+      const BlobId id{file.at("sha256").get<std::string>(), file.at("bytes").get<std::uint64_t>()};
+      const auto path = file.at("path").get<std::string>();
+      if (id.sha256.size() != 64 || id.sha256.find_first_not_of("0123456789abcdef") != std::string::npos) return broken("no SHA-256");
+      if (!is_bundle_path(path) || files.size() >= kMaxBundleFiles) return broken("no relative path, or too many");
+      files.emplace_back(path, id);
+    }
+  } catch (const nlohmann::json::exception&) {
+    return broken("not valid");
+  }
+  return files;
+}
+
+Result<FileList> files_of_bundle(std::string_view manifest) {
+  const auto bundle = parse_bundle(manifest);
+  if (!bundle) return tl::unexpected(bundle.error());
+  FileList files;
+  for (const wire::Bundle::File& file : bundle->files())
+    files.emplace_back(file.path(), BlobId{sha256_hex_of_bytes(file.content().sha256()), file.content().bytes()});
+  return files;
+}
+
+Result<FileList> hashed_files_of_job(const JobSpec& spec) {
+  const auto bundle = files_of_job(spec);
+  if (!bundle) return tl::unexpected(bundle.error());
+  FileList files;
+  for (const BundleFile& file : *bundle) {
+    auto hash = sha256_hex_of_file(file.source);
+    if (!hash) return tl::unexpected(hash.error());
+    std::error_code error;
+    const std::uint64_t bytes = fs::file_size(file.source, error);
+    if (error) return fail(ErrorKind::kInvalidInput, fmt::format("{}: {}", file.source.string(), error.message()));
+    files.emplace_back(file.path, BlobId{std::move(*hash), bytes});
+  }
+  return files;
 }
 
 }  // namespace pf

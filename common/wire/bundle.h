@@ -18,6 +18,17 @@ struct BundleFile {
   std::filesystem::path source;
 };
 
+/// A job's files as the service knows them: path in the job's folder and content.
+using FileList = std::vector<std::pair<std::string, BlobId>>;
+/// `[{"path", "sha256", "bytes"}]`, as it stands in the metadata of an image.
+[[nodiscard]] std::string file_list_json(const FileList& files);
+/// Errors: kInvalidInput, also for paths that lead out of a folder.
+[[nodiscard]] Result<FileList> parse_file_list(std::string_view json);
+/// The files that a bundle's manifest lists. Errors: kInvalidInput.
+[[nodiscard]] Result<FileList> files_of_bundle(std::string_view manifest);
+/// The files of a job with their hashes. Errors: those of files_of_job and of reading.
+[[nodiscard]] Result<FileList> hashed_files_of_job(const JobSpec& spec);
+
 /// Every file that rendering the job opens: scene, its buffers and images (URIs of the glTF's JSON,
 /// percent-decoded; data URIs and absent optional ones apart), environment. Reads JSON only, decodes nothing.
 /// Errors: kInvalidInput, naming the file and URI: missing, not a regular file, absolute, with a scheme, or
