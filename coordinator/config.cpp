@@ -50,9 +50,12 @@ ConfigKey number(std::string_view name, double least, double most, T& to) {
   return {name, [&to, least, most](const Value& value) {
             const auto* integer = std::get_if<std::int64_t>(&value.data);
             const auto* real = std::is_integral_v<T> ? nullptr : std::get_if<double>(&value.data);
-            const double given = integer != nullptr ? static_cast<double>(*integer) : real != nullptr ? *real : least - 1;
+            const double given = integer != nullptr ? static_cast<double>(*integer)
+                                 : real != nullptr  ? *real
+                                                    : least - 1;
             if (!(given >= least && given <= most))
-              return fmt::format("{} from {} to {}", std::is_integral_v<T> ? "an integer" : "a number", least, most);
+              return fmt::format("{} from {} to {}", std::is_integral_v<T> ? "an integer" : "a number", least,
+                                 most);
             to = static_cast<T>(given);
             return std::string();
           }};
@@ -81,21 +84,25 @@ Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, co
   for (const spec::Member& table : std::get<Value::Table>(document.data)) {
     const auto* members = std::get_if<Value::Table>(&table.value.data);
     if (members == nullptr) {
-      return fail(ErrorKind::kUsage, fmt::format("{}: '{}' stands in no table; expected [http], [limits] or [notify]",
-                                                 spec::location(file, table.place), table.key));
+      return fail(ErrorKind::kUsage,
+                  fmt::format("{}: '{}' stands in no table; expected [http], [limits] or [notify]",
+                              spec::location(file, table.place), table.key));
     }
     for (const spec::Member& member : *members) {
       const std::string name = fmt::format("{}.{}", table.key, member.key);
-      const auto found = std::find_if(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.name == name; });
+      const auto found =
+          std::find_if(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.name == name; });
       if (found == keys.end()) {
-        std::string message = fmt::format("{}: unknown key '{}'", spec::location(file, member.place), spec::printable(name));
+        std::string message =
+            fmt::format("{}: unknown key '{}'", spec::location(file, member.place), spec::printable(name));
         if (const auto near = nearest_name(name, std::span<const std::string_view>(names)))
           message += fmt::format("; did you mean '{}'?", *near);
         return fail(ErrorKind::kUsage, message);
       }
       if (const std::string expected = found->set(member.value); !expected.empty()) {
-        return fail(ErrorKind::kUsage, fmt::format("{}: {} is {}; expected {}", spec::location(file, member.value.place), name,
-                                                   spec::describe(member.value), expected));
+        return fail(ErrorKind::kUsage,
+                    fmt::format("{}: {} is {}; expected {}", spec::location(file, member.value.place), name,
+                                spec::describe(member.value), expected));
       }
     }
   }
@@ -104,13 +111,17 @@ Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, co
 
 Result<void> check(const CoordinatorConfig& config, const std::string& file) {
   if (config.http.certificate.empty() != config.http.key.empty())
-    return fail(ErrorKind::kUsage, fmt::format("{}: http.certificate and http.key belong together; only one is given", file));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: http.certificate and http.key belong together; only one is given", file));
   if (config.notify.url.empty()) return {};
   if (!config.notify.url.starts_with("http://") && !config.notify.url.starts_with("https://"))
-    return fail(ErrorKind::kUsage, fmt::format("{}: notify.url '{}': expected http://... or https://...", file, config.notify.url));
+    return fail(ErrorKind::kUsage, fmt::format("{}: notify.url '{}': expected http://... or https://...",
+                                               file, config.notify.url));
   if (config.notify.secret_file.empty()) {
-    return fail(ErrorKind::kUsage, fmt::format("{}: notify.url without notify.secret_file; its receiver could not tell who "
-                                               "speaks", file));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: notify.url without notify.secret_file; its receiver could not tell who "
+                            "speaks",
+                            file));
   }
   return {};
 }
@@ -120,8 +131,9 @@ Result<void> check(const CoordinatorConfig& config, const std::string& file) {
 Result<void> check_secret_mode(const std::filesystem::path& file) {
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && (info.st_mode & 077) != 0) {
-    return fail(ErrorKind::kUsage, fmt::format("{}: mode {:04o} lets others read a secret; expected 0600: chmod 600 {}",
-                                               file.string(), info.st_mode & 07777, file.string()));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: mode {:04o} lets others read a secret; expected 0600: chmod 600 {}",
+                            file.string(), info.st_mode & 07777, file.string()));
   }
   return {};
 }

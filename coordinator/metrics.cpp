@@ -1,5 +1,5 @@
-// Prometheus' text format is a page long, and Debian's library for it brings two web servers along: so it is written here.
-// https://prometheus.io/docs/instrumenting/exposition_formats/
+// Prometheus' text format is a page long, and Debian's library for it brings two web servers along: so it is
+// written here. https://prometheus.io/docs/instrumenting/exposition_formats/
 
 #include "coordinator/metrics.h"
 
@@ -13,8 +13,9 @@
 namespace pf {
 namespace {
 
-constexpr std::array kJobStates = {JobState::kQueued,    JobState::kPreparing, JobState::kRunning, JobState::kWaiting,
-                                   JobState::kFinishing, JobState::kDone,      JobState::kFailed,  JobState::kCancelled};
+constexpr std::array kJobStates = {JobState::kQueued,  JobState::kPreparing, JobState::kRunning,
+                                   JobState::kWaiting, JobState::kFinishing, JobState::kDone,
+                                   JobState::kFailed,  JobState::kCancelled};
 constexpr std::array<std::string_view, 7> kWorkerStates = {"idle",     "loading", "tracing",    "sending",
                                                            "draining", "lost",    "quarantined"};
 
@@ -22,7 +23,8 @@ void head(std::string& text, std::string_view name, std::string_view type, std::
   text += fmt::format("# HELP photonfarm_{0} {2}\n# TYPE photonfarm_{0} {1}\n", name, type, help);
 }
 
-void single(std::string& text, std::string_view name, std::string_view type, std::string_view help, double value) {
+void single(std::string& text, std::string_view name, std::string_view type, std::string_view help,
+            double value) {
   head(text, name, type, help);
   text += fmt::format("photonfarm_{} {}\n", name, value);
 }
@@ -31,9 +33,11 @@ void counter(std::string& text, std::string_view name, std::string_view help, co
   single(text, name, "counter", help, static_cast<double>(value.load()));
 }
 
-void by_state(std::string& text, std::string_view name, std::string_view help, const std::map<std::string, int>& counts) {
+void by_state(std::string& text, std::string_view name, std::string_view help,
+              const std::map<std::string, int>& counts) {
   head(text, name, "gauge", help);
-  for (const auto& [state, count] : counts) text += fmt::format("photonfarm_{}{{state=\"{}\"}} {}\n", name, state, count);
+  for (const auto& [state, count] : counts)
+    text += fmt::format("photonfarm_{}{{state=\"{}\"}} {}\n", name, state, count);
 }
 
 void write_jobs(std::string& text, const std::vector<JobView>& jobs) {
@@ -47,7 +51,8 @@ void write_jobs(std::string& text, const std::vector<JobView>& jobs) {
     passes += job.passes_per_second;
   }
   by_state(text, "jobs", "Jobs by state.", states);
-  single(text, "rays_per_second", "gauge", "Rays traced per second by the jobs that run, as their views say.", rays);
+  single(text, "rays_per_second", "gauge", "Rays traced per second by the jobs that run, as their views say.",
+         rays);
   single(text, "passes_per_second", "gauge", "Sub-passes per second of the jobs that run.", passes);
 }
 
@@ -66,7 +71,8 @@ void write_workers(std::string& text, const std::vector<WorkerView>& workers) {
 }  // namespace
 
 void Histogram::observe(double seconds) {
-  const auto bucket = static_cast<std::size_t>(std::lower_bound(bounds_.begin(), bounds_.end(), seconds) - bounds_.begin());
+  const auto bucket =
+      static_cast<std::size_t>(std::lower_bound(bounds_.begin(), bounds_.end(), seconds) - bounds_.begin());
   const std::lock_guard lock(mutex_);
   ++counts_[bucket];
   sum_ += seconds;
@@ -74,7 +80,8 @@ void Histogram::observe(double seconds) {
 
 void Histogram::write(std::string& text, std::string_view name, std::string_view labels) const {
   const std::lock_guard lock(mutex_);
-  const std::string own = labels.empty() ? std::string() : fmt::format("{{{}}}", labels.substr(0, labels.size() - 1));
+  const std::string own =
+      labels.empty() ? std::string() : fmt::format("{{{}}}", labels.substr(0, labels.size() - 1));
   std::uint64_t below = 0;
   for (std::size_t i = 0; i < counts_.size(); ++i) {
     below += counts_[i];
@@ -90,7 +97,8 @@ void Metrics::request(std::string_view method, std::string_view route, int statu
   auto found = request_seconds_.find(labels);
   if (found == request_seconds_.end()) {
     found = request_seconds_
-                .try_emplace(labels, std::vector<double>{0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 5})
+                .try_emplace(labels, std::vector<double>{0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25,
+                                                         0.5, 1, 5})
                 .first;
   }
   found->second.observe(seconds);
@@ -110,7 +118,8 @@ std::string Metrics::text(const std::vector<JobView>& jobs, const std::vector<Wo
   counter(text, "quarantines_total", "Workers put in quarantine.", quarantines);
   counter(text, "unit_alarms_total", "Units of which two workers returned different sums.", alarms);
   counter(text, "received_bytes_total", "Bytes of results that were taken in.", bytes_received);
-  single(text, "units_queued", "gauge", "Work units in the queue, not yet with a worker.", static_cast<double>(queued_units.load()));
+  single(text, "units_queued", "gauge", "Work units in the queue, not yet with a worker.",
+         static_cast<double>(queued_units.load()));
   write_jobs(text, jobs);
   write_workers(text, workers);
   head(text, "unit_seconds", "histogram", "Seconds of tracing of a work unit.");
@@ -118,10 +127,13 @@ std::string Metrics::text(const std::vector<JobView>& jobs, const std::vector<Wo
   head(text, "merge_seconds", "histogram", "Seconds that taking a result in cost the coordinator.");
   merge_seconds.write(text, "merge_seconds", "");
   const std::lock_guard lock(mutex_);
-  head(text, "http_request_seconds", "histogram", "Seconds until a request was answered; of streams, until they began.");
-  for (const auto& [labels, histogram] : request_seconds_) histogram.write(text, "http_request_seconds", labels);
+  head(text, "http_request_seconds", "histogram",
+       "Seconds until a request was answered; of streams, until they began.");
+  for (const auto& [labels, histogram] : request_seconds_)
+    histogram.write(text, "http_request_seconds", labels);
   head(text, "http_requests_total", "counter", "Requests by status code.");
-  for (const auto& [labels, count] : requests_) text += fmt::format("photonfarm_http_requests_total{{{}}} {}\n", labels, count);
+  for (const auto& [labels, count] : requests_)
+    text += fmt::format("photonfarm_http_requests_total{{{}}} {}\n", labels, count);
   return text;
 }
 

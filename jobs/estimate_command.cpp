@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <ostream>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "common/base/atomic_file.h"
@@ -39,11 +39,13 @@ Result<json> ask_renderer(const Context& context, const Arguments& arguments) {
   json document = json::parse(run->output, nullptr, false);
   if (run->end.exit_code == 0 && document.is_object()) return document;
   return fail(run->end.exit_code == 3 ? ErrorKind::kInvalidInput : ErrorKind::kInternal,
-              fmt::format("the renderer ended with exit code {}; 'photonfarm render {}' says why", run->end.exit_code, arguments[1]));
+              fmt::format("the renderer ended with exit code {}; 'photonfarm render {}' says why",
+                          run->end.exit_code, arguments[1]));
 }
 
 /// Renders 1, 2, 4 ... passes, each going on from the one before, until the time is used up.
-Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, const JobSpec& spec, const fs::path& scratch) {
+Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, const JobSpec& spec,
+                        const fs::path& scratch) {
   Pilot pilot;
   const SystemClock clock;
   const double end = clock.now() + options.seconds;
@@ -51,18 +53,24 @@ Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, 
   double used = 0;
   for (std::int64_t passes = 2; pilot.points.size() < 16; passes *= 2) {
     Arguments arguments = {"render", options.job, "--out", scratch.string(), "--threads", threads, "--json"};
-    for (const std::string& override : options.overrides) arguments.insert(arguments.end(), {"--set", override});
-    // Time and error must not end the pilot. Its error is noise alone: what is known of the bias after a few passes is less than
-    // its own noise.
-    arguments.insert(arguments.end(), {"--set", fmt::format("stop.passes={}", passes), "--set", "stop.seconds=0", "--set", "stop.error=0"});
+    for (const std::string& override : options.overrides)
+      arguments.insert(arguments.end(), {"--set", override});
+    // Time and error must not end the pilot. Its error is noise alone: what is known of the bias after a few
+    // passes is less than its own noise.
+    arguments.insert(arguments.end(), {"--set", fmt::format("stop.passes={}", passes), "--set",
+                                       "stop.seconds=0", "--set", "stop.error=0"});
     arguments.insert(arguments.end(), {"--set", "integrator.error_estimate=false"});
     if (!pilot.points.empty()) arguments.emplace_back("--resume");
     const auto figures = ask_renderer(context, arguments);
     if (!figures) return tl::unexpected(figures.error());
     const json& seconds = figures->at("seconds");
-    pilot.points.push_back({job_number(*figures, "passes"), job_number(seconds, "render"), job_number(*figures, "estimated_error")});
-    if (pilot.points.size() == 1) pilot.setup_seconds = job_number(seconds, "load") + job_number(seconds, "prepare") + job_number(seconds, "write");
-    pilot.peak_bytes = std::max(pilot.peak_bytes, static_cast<std::uint64_t>(job_number(*figures, "peak_bytes")));
+    pilot.points.push_back({job_number(*figures, "passes"), job_number(seconds, "render"),
+                            job_number(*figures, "estimated_error")});
+    if (pilot.points.size() == 1)
+      pilot.setup_seconds =
+          job_number(seconds, "load") + job_number(seconds, "prepare") + job_number(seconds, "write");
+    pilot.peak_bytes =
+        std::max(pilot.peak_bytes, static_cast<std::uint64_t>(job_number(*figures, "peak_bytes")));
     used = job_number(seconds, "render") + pilot.setup_seconds;
     // The next part costs about twice as much as this one.
     const bool enough = pilot.points.size() >= 3 && clock.now() + 2 * used > end;
@@ -80,12 +88,16 @@ Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, 
   return pilot;
 }
 
-json to_json(const Range& range) { return {{"low", range.low}, {"likely", range.likely}, {"high", range.high}}; }
+json to_json(const Range& range) {
+  return {{"low", range.low}, {"likely", range.likely}, {"high", range.high}};
+}
 
 json document_of(const Pilot& pilot, const Prediction& p, int workers) {
   json points = json::array();
   for (const PilotPoint& point : pilot.points)
-    points.push_back({{"passes", point.passes}, {"seconds", point.seconds}, {"estimated_error", point.error > 0 ? json(point.error) : json()}});
+    points.push_back({{"passes", point.passes},
+                      {"seconds", point.seconds},
+                      {"estimated_error", point.error > 0 ? json(point.error) : json()}});
   return {{"passes", p.passes},
           {"seconds", to_json(p.seconds)},
           {"memory_bytes", to_json(p.memory_bytes)},
@@ -108,7 +120,8 @@ std::string text_of(const Prediction& p, int workers, double error) {
   text += row("memory of a renderer", p.memory_bytes, bytes);
   text += row(fmt::format("network, {} worker{}", workers, workers == 1 ? "" : "s"), p.network_bytes, bytes);
   if (p.error.likely > 0) text += row("estimated error", p.error, small);
-  if (p.passes_to_error) text += row(fmt::format("passes to error {:.3g}", error), *p.passes_to_error, number);
+  if (p.passes_to_error)
+    text += row(fmt::format("passes to error {:.3g}", error), *p.passes_to_error, number);
   return text;
 }
 
@@ -116,19 +129,32 @@ std::string text_of(const Prediction& p, int workers, double error) {
 
 int run_estimate_command(const Context& context, const Arguments& arguments) {
   EstimateOptions options;
-  CLI::App app("Renders a few sub-passes of a job on this machine and predicts, each with a range, what all of it costs:\n"
-               "time, memory, bytes on a farm's network, and the passes to an error (noise alone: bias shows too late for a pilot).",
-               "photonfarm estimate");
+  CLI::App app(
+      "Renders a few sub-passes of a job on this machine and predicts, each with a range, what all of it "
+      "costs:\n"
+      "time, memory, bytes on a farm's network, and the passes to an error (noise alone: bias shows too late "
+      "for a pilot).",
+      "photonfarm estimate");
   app.add_option("JOB", options.job, "job file (.toml or .json)")->required();
-  app.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")->take_all()->allow_extra_args(false);
-  app.add_option("--error", options.error, "the estimated relative error to aim at; default: stop.error")->check(CLI::Range(0.0, 1e6));
-  app.add_option("--passes", options.passes, "predict for so many passes; default: what the error needs, else stop.passes")->check(CLI::Range(0.0, 1e12));
-  app.add_option("--workers", options.workers, "workers of the farm")->capture_default_str()->check(CLI::Range(1, 100000));
+  app.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")
+      ->take_all()
+      ->allow_extra_args(false);
+  app.add_option("--error", options.error, "the estimated relative error to aim at; default: stop.error")
+      ->check(CLI::Range(0.0, 1e6));
+  app.add_option("--passes", options.passes,
+                 "predict for so many passes; default: what the error needs, else stop.passes")
+      ->check(CLI::Range(0.0, 1e12));
+  app.add_option("--workers", options.workers, "workers of the farm")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100000));
   app.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
-  app.add_option("--seconds", options.seconds, "for the pilot, about")->capture_default_str()->check(CLI::Range(0.1, 86400.0));
+  app.add_option("--seconds", options.seconds, "for the pilot, about")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 86400.0));
   app.add_flag("--json", options.json, "one JSON document on standard output, and nothing else there");
-  app.footer("Examples:\n  photonfarm estimate jobs/glass-caustic.toml --error 0.02\n"
-             "  photonfarm estimate job.toml --passes 4096 --workers 16 --json");
+  app.footer(
+      "Examples:\n  photonfarm estimate jobs/glass-caustic.toml --error 0.02\n"
+      "  photonfarm estimate job.toml --passes 4096 --workers 16 --json");
   if (const std::optional<int> code = parse_arguments(app, context, arguments)) return *code;
   const auto report = [&](const Error& error) {
     context.err << "photonfarm estimate: " << error.message << '\n';
@@ -137,7 +163,8 @@ int run_estimate_command(const Context& context, const Arguments& arguments) {
   const auto spec = load_job(options.job, options.overrides);
   if (!spec) return report(spec.error());
   const ScratchFolder scratch(context.temporary);
-  if (scratch.path().empty()) return report({ErrorKind::kInternal, context.temporary.string() + ": no folder can be made there"});
+  if (scratch.path().empty())
+    return report({ErrorKind::kInternal, context.temporary.string() + ": no folder can be made there"});
   const auto pilot = run_pilot(context, options, *spec, scratch.path());
   if (!pilot) return report(pilot.error());
   const double error = options.error > 0 ? options.error : spec->stop.error;
@@ -146,10 +173,13 @@ int run_estimate_command(const Context& context, const Arguments& arguments) {
                             .workers = options.workers,
                             .round_growth = spec->integrator.round_growth,
                             .barrier = spec->integrator.mode == ProgressiveMode::kShared};
-  const bool error_known = std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
-  if (request.passes <= 0 && !(error > 0 && error_known)) request.passes = static_cast<double>(spec->stop.passes);
+  const bool error_known =
+      std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
   if (request.passes <= 0 && !(error > 0 && error_known))
-    return report({ErrorKind::kUsage, "neither passes nor a known error bound this job; expected --passes or --error"});
+    request.passes = static_cast<double>(spec->stop.passes);
+  if (request.passes <= 0 && !(error > 0 && error_known))
+    return report(
+        {ErrorKind::kUsage, "neither passes nor a known error bound this job; expected --passes or --error"});
   const Prediction prediction = predict(*pilot, request);
   if (options.json) {
     context.out << document_of(*pilot, prediction, options.workers).dump(2) << '\n';

@@ -5,9 +5,9 @@
 #include <thread>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
+#include <nlohmann/json.hpp>
 
 #include "build_id.h"
 #include "common/wire/messages.h"
@@ -30,9 +30,11 @@ Result<std::vector<Range>> parse_units(const std::string& text) {
     Range range;
     const auto first = std::from_chars(at, end, range.first);
     const bool colon = first.ec == std::errc() && first.ptr < end && *first.ptr == ':';
-    const auto count = colon ? std::from_chars(first.ptr + 1, end, range.second) : std::from_chars_result{at, std::errc::invalid_argument};
+    const auto count = colon ? std::from_chars(first.ptr + 1, end, range.second)
+                             : std::from_chars_result{at, std::errc::invalid_argument};
     constexpr std::uint64_t kMost = std::uint64_t{1} << 40;
-    if (count.ec != std::errc() || (count.ptr < end && *count.ptr != ',') || range.second == 0 || range.second > kMost || range.first > kMost)
+    if (count.ec != std::errc() || (count.ptr < end && *count.ptr != ',') || range.second == 0 ||
+        range.second > kMost || range.first > kMost)
       return fail(ErrorKind::kUsage, fmt::format("--units {}: expected FIRST:COUNT,FIRST:COUNT...", text));
     ranges.push_back(range);
     at = count.ptr < end ? count.ptr + 1 : end;
@@ -50,7 +52,8 @@ std::string hex(const std::string& bytes) {
 
 /// The film that a farm's checkpoint holds (FarmJob::identity names it so).
 Result<Film> load_film(const LoadedJob& job, const std::filesystem::path& checkpoint) {
-  return Film::load(checkpoint, fmt::format("farm spec {} scene {} build {}", image_hash_of_spec(job.spec), job.scene_hash, kBuildId));
+  return Film::load(checkpoint, fmt::format("farm spec {} scene {} build {}", image_hash_of_spec(job.spec),
+                                            job.scene_hash, kBuildId));
 }
 
 /// Traces what one result brought; empty when its round's radii are not known.
@@ -60,7 +63,8 @@ std::optional<PackedStatistics> sums_of(const LoadedJob& job, const Film& first_
   const Film* film = &first_round;
   for (const auto& [first, count] : ranges) {
     if (options.estimator != Estimator::kShared || first + count <= first_round.round_end()) continue;
-    if (open_round == nullptr || first < open_round->round_begin() || first + count > open_round->round_end()) return std::nullopt;
+    if (open_round == nullptr || first < open_round->round_begin() || first + count > open_round->round_end())
+      return std::nullopt;
     film = open_round;
   }
   Statistics sums(options.width * options.hit_points, options.height, false);
@@ -75,7 +79,8 @@ Result<std::string> recompute(const RecomputeRequest& request, const Clock& cloc
   const auto job = load_job_scene(request.spec, clock);
   if (!job) return tl::unexpected(job.error());
   Film first(job->integrator->film_options());
-  if (auto radii = job->integrator->initial_radii(); !radii.empty()) first.set_initial_radii(std::move(radii));
+  if (auto radii = job->integrator->initial_radii(); !radii.empty())
+    first.set_initial_radii(std::move(radii));
   std::optional<Film> open;
   if (!request.checkpoint.empty()) {
     auto loaded = load_film(*job, request.checkpoint);
@@ -101,14 +106,18 @@ Result<std::string> recompute(const RecomputeRequest& request, const Clock& cloc
     return {};
   });
   if (!state) return tl::unexpected(state.error());
-  return json{{"results", std::move(results)}, {"state_bytes", first.state().empty() ? 0 : state_bytes}}.dump(2);
+  return json{{"results", std::move(results)}, {"state_bytes", first.state().empty() ? 0 : state_bytes}}.dump(
+      2);
 }
 
 }  // namespace
 
 Result<std::string> recompute_units(const RecomputeRequest& request, const Clock& clock) {
-  const int threads = request.threads > 0 ? request.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  const int threads = request.threads > 0
+                          ? request.threads
+                          : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
   tbb::task_arena arena(threads);
   Result<std::string> result = fail(ErrorKind::kInternal, "not run");
   arena.execute([&] { result = recompute(request, clock); });

@@ -8,8 +8,8 @@
 
 namespace pf {
 
-/// What a command line takes, for whoever completes it: {"options": [{"names", "takes", "choices"}], "commands": {name: tree}}.
-/// Read from the parser itself, so that it cannot say something else.
+/// What a command line takes, for whoever completes it: {"options": [{"names", "takes", "choices"}],
+/// "commands": {name: tree}}. Read from the parser itself, so that it cannot say something else.
 [[nodiscard]] inline nlohmann::json cli_tree(const CLI::App& app) {
   nlohmann::json options = nlohmann::json::array();
   for (const CLI::Option* option : app.get_options()) {
@@ -21,12 +21,14 @@ namespace pf {
     const std::string type = option->get_type_name();
     const std::size_t open = type.find('{'), close = type.find('}');
     nlohmann::json choices = nlohmann::json::array();
-    for (std::size_t from = open + 1; open != std::string::npos && close != std::string::npos && from < close;) {
+    for (std::size_t from = open + 1;
+         open != std::string::npos && close != std::string::npos && from < close;) {
       const std::size_t comma = std::min(type.find(',', from), close);
       choices.push_back(type.substr(from, comma - from));
       from = comma + 1;
     }
-    options.push_back({{"names", names}, {"takes", option->get_items_expected_max() > 0}, {"choices", choices}});
+    options.push_back(
+        {{"names", names}, {"takes", option->get_items_expected_max() > 0}, {"choices", choices}});
   }
   nlohmann::json commands = nlohmann::json::object();
   for (const CLI::App* command : app.get_subcommands({})) commands[command->get_name()] = cli_tree(*command);

@@ -22,7 +22,8 @@ Range slope(const std::vector<PilotPoint>& points) {
     last = &point;
   }
   if (before != nullptr && last->passes > before->passes)
-    b.likely = std::clamp(-std::log(last->error / before->error) / std::log(last->passes / before->passes), b.low, b.high);
+    b.likely = std::clamp(-std::log(last->error / before->error) / std::log(last->passes / before->passes),
+                          b.low, b.high);
   return b;
 }
 
@@ -47,7 +48,8 @@ Range pass_seconds(const std::vector<PilotPoint>& points) {
     cost.high = std::max(cost.high, each);
   }
   constexpr double kNoise = 0.15;  // between two runs of the same on a machine that does other things too
-  return {std::min(cost.low, cost.likely) * (1 - kNoise), cost.likely, std::max(cost.high, cost.likely) * (1 + kNoise)};
+  return {std::min(cost.low, cost.likely) * (1 - kNoise), cost.likely,
+          std::max(cost.high, cost.likely) * (1 + kNoise)};
 }
 
 double rounds_until(double passes, double growth) {
@@ -66,9 +68,12 @@ Prediction predict(const Pilot& pilot, const PredictionRequest& request) {
   const PilotPoint* known = last_known_error(pilot.points);
   if (error > 0 && known != nullptr) {
     const double ratio = std::max(known->error / error, 1e-3);
-    const auto needed = [&](double exponent) { return std::max(1.0, std::ceil(known->passes * std::pow(ratio, 1.0 / exponent))); };
+    const auto needed = [&](double exponent) {
+      return std::max(1.0, std::ceil(known->passes * std::pow(ratio, 1.0 / exponent)));
+    };
     // A steeper fall needs fewer passes on the way down, and more on the way back up.
-    p.passes_to_error = Range{std::min(needed(b.high), needed(b.low)), needed(b.likely), std::max(needed(b.low), needed(b.high))};
+    p.passes_to_error = Range{std::min(needed(b.high), needed(b.low)), needed(b.likely),
+                              std::max(needed(b.low), needed(b.high))};
   }
   p.passes = request.passes > 0 || !p.passes_to_error ? request.passes : p.passes_to_error->likely;
   if (known != nullptr) {
@@ -81,19 +86,23 @@ Prediction predict(const Pilot& pilot, const PredictionRequest& request) {
                pilot.setup_seconds + cost.high * p.passes};
   const auto memory = static_cast<double>(pilot.peak_bytes);
   p.memory_bytes = {memory * 0.9, memory, memory * 1.25};
-  // A worker sends one result a round, or, where no barrier makes it, one each 4 to 60 seconds; radii go to all of them.
+  // A worker sends one result a round, or, where no barrier makes it, one each 4 to 60 seconds; radii go to
+  // all of them.
   const double n = request.workers;
   const double rounds = rounds_until(p.passes, request.round_growth);
   const double scene = static_cast<double>(pilot.scene_bytes) * (n + 1);
   const auto bytes = [&](double results, double states) {
-    return scene + results * static_cast<double>(pilot.result_bytes) + states * static_cast<double>(pilot.state_bytes);
+    return scene + results * static_cast<double>(pilot.result_bytes) +
+           states * static_cast<double>(pilot.state_bytes);
   };
   if (request.barrier && pilot.state_bytes > 0) {
     const double most = std::min(rounds * n, p.passes);  // early rounds have fewer sub-passes than workers
     p.network_bytes = {bytes(0.5 * most, 0.5 * most), bytes(most, most), bytes(2 * most, 1.5 * most)};
   } else {
     const double seconds = p.seconds.likely / n;
-    const auto results = [&](double hold) { return std::clamp(seconds / hold, 1.0, std::max(1.0, p.passes / n)) * n; };
+    const auto results = [&](double hold) {
+      return std::clamp(seconds / hold, 1.0, std::max(1.0, p.passes / n)) * n;
+    };
     p.network_bytes = {bytes(results(60), n), bytes(results(15), n), bytes(results(4), n)};
   }
   return p;

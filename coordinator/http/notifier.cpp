@@ -5,9 +5,9 @@
 #include <system_error>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <openssl/evp.h>
 #include <openssl/hmac.h>
+#include <nlohmann/json.hpp>
 
 #include "common/base/atomic_file.h"
 #include "coordinator/http/json.h"
@@ -46,16 +46,19 @@ Result<void> Notifier::load() {
     }
   } catch (const json::exception&) {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: is damaged; remove it: jobs that ended so far are then not told of", file_.string()));
+                fmt::format("{}: is damaged; remove it: jobs that ended so far are then not told of",
+                            file_.string()));
   }
   return {};
 }
 
 Result<void> Notifier::save() const {
   json pending = json::object();
-  for (const auto& [id, p] : pending_) pending[id] = {{"body", p.body}, {"attempts", p.attempts}, {"next_unix_ms", p.next_unix_ms}};
+  for (const auto& [id, p] : pending_)
+    pending[id] = {{"body", p.body}, {"attempts", p.attempts}, {"next_unix_ms", p.next_unix_ms}};
   const json document = {{"since", since_}, {"noted", noted_}, {"pending", std::move(pending)}};
-  return write_file_atomically(file_, document.dump(-1, ' ', false, json::error_handler_t::replace) + "\n", FileAccess::kOwnerOnly);
+  return write_file_atomically(file_, document.dump(-1, ' ', false, json::error_handler_t::replace) + "\n",
+                               FileAccess::kOwnerOnly);
 }
 
 Result<void> Notifier::look(const std::vector<JobView>& jobs) {
@@ -69,7 +72,8 @@ Result<void> Notifier::look(const std::vector<JobView>& jobs) {
     if (!has_ended(job.state) || job.ended_unix_ms < since_ || job.ended_unix_ms == last) continue;
     noted[job.id] = job.ended_unix_ms;
     const std::string id = fmt::format("{}-{}", job.id, job.ended_unix_ms);
-    pending_[id] = {json_line({{"event", "job.ended"}, {"delivery", id}, {"job", to_json(job)}}), 0, unix_ms_()};
+    pending_[id] = {json_line({{"event", "job.ended"}, {"delivery", id}, {"job", to_json(job)}}), 0,
+                    unix_ms_()};
     changed = true;
   }
   changed = changed || noted.size() != noted_.size();
@@ -78,7 +82,8 @@ Result<void> Notifier::look(const std::vector<JobView>& jobs) {
 }
 
 std::optional<Notice> Notifier::due() const {
-  const auto earliest = std::ranges::min_element(pending_, {}, [](const auto& p) { return p.second.next_unix_ms; });
+  const auto earliest =
+      std::ranges::min_element(pending_, {}, [](const auto& p) { return p.second.next_unix_ms; });
   if (earliest == pending_.end() || earliest->second.next_unix_ms > unix_ms_()) return std::nullopt;
   return Notice{earliest->first, earliest->second.body};
 }
@@ -92,7 +97,8 @@ Result<bool> Notifier::tried(const std::string& id, bool arrived) {
     goes_on = arrived;
     pending_.erase(found);
   } else {
-    pending.next_unix_ms = unix_ms_() + std::min(kLongestPause, kFirstPause << std::min(pending.attempts - 1, 20));
+    pending.next_unix_ms =
+        unix_ms_() + std::min(kLongestPause, kFirstPause << std::min(pending.attempts - 1, 20));
   }
   if (auto saved = save(); !saved) return tl::unexpected(saved.error());
   return goes_on;
@@ -102,8 +108,8 @@ std::string webhook_signature(std::string_view secret, std::int64_t unix_seconds
   const std::string text = fmt::format("{}.{}", unix_seconds, body);
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned size = 0;
-  HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()), reinterpret_cast<const unsigned char*>(text.data()),
-       text.size(), digest.data(), &size);
+  HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()),
+       reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(), &size);
   std::string hex;
   for (unsigned i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
   return fmt::format("t={},v1={}", unix_seconds, hex);

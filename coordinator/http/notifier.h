@@ -20,17 +20,19 @@ struct Notice {
   std::string body;  ///< JSON
 };
 
-/// Which jobs' ends somebody still has to be told of, and when to try next: kept in a file, so that a restart loses none. A
-/// message may arrive twice (the process died right after it), never not at all while attempts last. Sends nothing itself; used
-/// from one thread.
+/// Which jobs' ends somebody still has to be told of, and when to try next: kept in a file, so that a restart
+/// loses none. A message may arrive twice (the process died right after it), never not at all while attempts
+/// last. Sends nothing itself; used from one thread.
 class Notifier {
  public:
   static constexpr int kMostAttempts = 14;            ///< over about eight hours
   static constexpr std::int64_t kFirstPause = 5'000;  ///< ms; doubles up to an hour
   static constexpr std::int64_t kLongestPause = 3'600'000;
 
-  /// Jobs that ended before the file was made are not told of. Errors: kInvalidInput for a broken file, kInternal.
-  [[nodiscard]] static Result<Notifier> open(std::filesystem::path file, std::function<std::int64_t()> unix_ms);
+  /// Jobs that ended before the file was made are not told of. Errors: kInvalidInput for a broken file,
+  /// kInternal.
+  [[nodiscard]] static Result<Notifier> open(std::filesystem::path file,
+                                             std::function<std::int64_t()> unix_ms);
 
   /// Notes the jobs that have ended since the last look.
   [[nodiscard]] Result<void> look(const std::vector<JobView>& jobs);
@@ -58,8 +60,9 @@ class Notifier {
   std::map<std::string, Pending> pending_;     ///< by the message's id
 };
 
-/// `t=SECONDS,v1=HEX`: HMAC-SHA256 under `secret` of `SECONDS.BODY`. The time is part of it, so that a receiver can refuse what
-/// somebody recorded and sends again later.
-[[nodiscard]] std::string webhook_signature(std::string_view secret, std::int64_t unix_seconds, std::string_view body);
+/// `t=SECONDS,v1=HEX`: HMAC-SHA256 under `secret` of `SECONDS.BODY`. The time is part of it, so that a
+/// receiver can refuse what somebody recorded and sends again later.
+[[nodiscard]] std::string webhook_signature(std::string_view secret, std::int64_t unix_seconds,
+                                            std::string_view body);
 
 }  // namespace pf

@@ -18,10 +18,13 @@ json to_json(const TokenView& token) {
 }
 
 std::int64_t unix_ms() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
-/// Of the image that a spec asks for; 0 when it says so in no way that counts: then the spec's own checks refuse it.
+/// Of the image that a spec asks for; 0 when it says so in no way that counts: then the spec's own checks
+/// refuse it.
 double pixels_of(const std::string& spec_json) {
   const json spec = json::parse(spec_json, nullptr, false);
   if (!spec.is_object() || !spec.contains("image") || !spec["image"].is_object()) return 0;
@@ -56,17 +59,20 @@ HttpReply HttpRoutes::create_token(const HttpRequest& request, const Captures&) 
   if (!body) return body.error();
   const json document = json::parse(*body, nullptr, false);
   const auto text = [&](const char* member) {
-    return document.contains(member) && document[member].is_string() ? document[member].get<std::string>() : std::string();
+    return document.contains(member) && document[member].is_string() ? document[member].get<std::string>()
+                                                                     : std::string();
   };
   if (!document.is_object() || document.size() != 2 || text("name").empty() || text("role").empty()) {
-    return problem(422, "invalid-input", "request body: expected {\"name\": \"...\", \"role\": \"read\", \"submit\" or \"admin\"}");
+    return problem(422, "invalid-input",
+                   "request body: expected {\"name\": \"...\", \"role\": \"read\", \"submit\" or \"admin\"}");
   }
   const auto role = role_of(text("role"));
   if (!role) return problem(422, "invalid-input", "role: expected read, submit or admin");
   const std::int64_t now = unix_ms();
   const auto token = tokens_->create(text("name"), *role, now);
   if (!token) return failure(token.error());
-  log_.info("token created", {{"name", text("name")}, {"role", to_string(*role)}, {"by", request.caller.name}});
+  log_.info("token created",
+            {{"name", text("name")}, {"role", to_string(*role)}, {"by", request.caller.name}});
   json view = to_json(TokenView{text("name"), *role, now});
   view["token"] = *token;
   HttpReply reply;
@@ -89,9 +95,12 @@ std::optional<HttpReply> HttpRoutes::over_limits(const Submission& submission, c
   std::uint64_t bytes = 0;  // at most 4096 files of at most 2^34: no overflow
   for (const auto& [path, blob] : submission.files) bytes += blob.bytes;
   if (bytes > limits.job_bytes)
-    return problem(413, "too-large", fmt::format("the job's files have {} bytes; expected at most {}", bytes, limits.job_bytes));
+    return problem(
+        413, "too-large",
+        fmt::format("the job's files have {} bytes; expected at most {}", bytes, limits.job_bytes));
   if (const double pixels = pixels_of(submission.spec_json); pixels > static_cast<double>(limits.pixels))
-    return problem(413, "too-large", fmt::format("the image has {:.0f} pixels; expected at most {}", pixels, limits.pixels));
+    return problem(413, "too-large",
+                   fmt::format("the image has {:.0f} pixels; expected at most {}", pixels, limits.pixels));
   return std::nullopt;
 }
 

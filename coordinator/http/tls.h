@@ -13,7 +13,8 @@ namespace pf {
 /// A server's certificate and key, ready for connections: TLS 1.2 and 1.3.
 class TlsContext {
  public:
-  /// Errors: kUsage, naming the file: missing, broken, a key that others may read or that is of another certificate.
+  /// Errors: kUsage, naming the file: missing, broken, a key that others may read or that is of another
+  /// certificate.
   [[nodiscard]] static Result<std::unique_ptr<TlsContext>> load(const std::filesystem::path& certificate,
                                                                 const std::filesystem::path& key);
   [[nodiscard]] ::ssl_ctx_st* get() const { return context_.get(); }

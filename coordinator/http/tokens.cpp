@@ -6,8 +6,8 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <openssl/crypto.h>
+#include <nlohmann/json.hpp>
 
 #include "common/base/atomic_file.h"
 #include "common/base/hash.h"
@@ -50,7 +50,8 @@ TokenStore::TokenStore(std::filesystem::path file, std::string_view bootstrap) :
   entry.sha256 = sha256_hex(bootstrap);
 }
 
-Result<std::unique_ptr<TokenStore>> TokenStore::open(const std::filesystem::path& state, std::string_view bootstrap) {
+Result<std::unique_ptr<TokenStore>> TokenStore::open(const std::filesystem::path& state,
+                                                     std::string_view bootstrap) {
   std::unique_ptr<TokenStore> store(new TokenStore(state / "tokens.json", bootstrap));
   if (auto loaded = store->load(); !loaded) return tl::unexpected(loaded.error());
   return store;
@@ -63,10 +64,12 @@ Result<void> TokenStore::load() {
   if (!text) return tl::unexpected(text.error());
   const auto broken = [&] {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: is damaged; remove it, and make its tokens anew: photonfarm token create", file_.string()));
+                fmt::format("{}: is damaged; remove it, and make its tokens anew: photonfarm token create",
+                            file_.string()));
   };
   const json document = json::parse(*text, nullptr, false);
-  if (!document.is_object() || !document.contains("tokens") || !document["tokens"].is_array()) return broken();
+  if (!document.is_object() || !document.contains("tokens") || !document["tokens"].is_array())
+    return broken();
   for (const json& token : document["tokens"]) {
     if (!token.is_object()) return broken();
     const auto member = [&](const char* name) {
@@ -93,7 +96,8 @@ Result<void> TokenStore::save(const std::vector<Entry>& entries) const {
                       {"created_unix_ms", entry.view.created_unix_ms},
                       {"sha256", entry.sha256}});
   }
-  return write_file_atomically(file_, json{{"tokens", std::move(tokens)}}.dump(2) + "\n", FileAccess::kOwnerOnly);
+  return write_file_atomically(file_, json{{"tokens", std::move(tokens)}}.dump(2) + "\n",
+                               FileAccess::kOwnerOnly);
 }
 
 std::optional<Caller> TokenStore::find(std::string_view token) const {
@@ -102,7 +106,8 @@ std::optional<Caller> TokenStore::find(std::string_view token) const {
   const std::lock_guard lock(mutex_);
   // All of them, each to its end: how long it takes says nothing.
   for (const Entry& entry : entries_) {
-    if (CRYPTO_memcmp(entry.sha256.data(), hash.data(), hash.size()) == 0) caller = Caller{entry.view.name, entry.view.role};
+    if (CRYPTO_memcmp(entry.sha256.data(), hash.data(), hash.size()) == 0)
+      caller = Caller{entry.view.name, entry.view.role};
   }
   return caller;
 }
@@ -124,10 +129,12 @@ Result<std::string> TokenStore::create(const std::string& name, Role role, std::
   const std::lock_guard lock(mutex_);
   for (const Entry& entry : entries_) {
     if (entry.view.name == name)
-      return fail(ErrorKind::kInvalidInput, fmt::format("name '{}': a token of this name exists; revoke it first", name));
+      return fail(ErrorKind::kInvalidInput,
+                  fmt::format("name '{}': a token of this name exists; revoke it first", name));
   }
   if (entries_.size() > kMaxTokens)
-    return fail(ErrorKind::kInvalidInput, fmt::format("there are {} tokens already; expected at most that", kMaxTokens));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("there are {} tokens already; expected at most that", kMaxTokens));
   std::vector<Entry> entries = entries_;
   Entry& entry = entries.emplace_back();
   entry.view = TokenView{name, role, now_unix_ms};
@@ -140,7 +147,8 @@ Result<std::string> TokenStore::create(const std::string& name, Role role, std::
 Result<void> TokenStore::revoke(const std::string& name) {
   if (name == kBootstrap) {
     return fail(ErrorKind::kInvalidInput,
-                "the bootstrap token is the file 'token' of the state folder; remove it and start the coordinator anew");
+                "the bootstrap token is the file 'token' of the state folder; remove it and start the "
+                "coordinator anew");
   }
   const std::lock_guard lock(mutex_);
   std::vector<Entry> entries = entries_;

@@ -34,21 +34,23 @@ struct TokenView {
   std::int64_t created_unix_ms = 0;
 };
 
-/// The tokens that open the API: that of STATE/token, which is admin, and those that were made through the API, of which
-/// STATE/tokens.json keeps name, role and SHA-256 alone. A plain hash is enough: a token is 32 random bytes, so that guessing
-/// its preimage is as hard as guessing the token, and a slow hash, which protects short passwords, would only cost each request
-/// time. May be used from any thread.
+/// The tokens that open the API: that of STATE/token, which is admin, and those that were made through the
+/// API, of which STATE/tokens.json keeps name, role and SHA-256 alone. A plain hash is enough: a token is 32
+/// random bytes, so that guessing its preimage is as hard as guessing the token, and a slow hash, which
+/// protects short passwords, would only cost each request time. May be used from any thread.
 class TokenStore {
  public:
   static constexpr std::string_view kBootstrap = "bootstrap";  ///< name of the token in STATE/token
 
   /// Errors: kInvalidInput for a broken file.
-  [[nodiscard]] static Result<std::unique_ptr<TokenStore>> open(const std::filesystem::path& state, std::string_view bootstrap);
+  [[nodiscard]] static Result<std::unique_ptr<TokenStore>> open(const std::filesystem::path& state,
+                                                                std::string_view bootstrap);
 
   /// Whose token this is. Takes equally long for all wrong ones.
   [[nodiscard]] std::optional<Caller> find(std::string_view token) const;
   [[nodiscard]] std::vector<TokenView> list() const;
-  /// The new token, which nobody can see again. Errors: kInvalidInput for a name that is taken or no name; kInternal.
+  /// The new token, which nobody can see again. Errors: kInvalidInput for a name that is taken or no name;
+  /// kInternal.
   [[nodiscard]] Result<std::string> create(const std::string& name, Role role, std::int64_t now_unix_ms);
   /// Errors: kUsage when there is none of this name; kInvalidInput for the one of STATE/token; kInternal.
   [[nodiscard]] Result<void> revoke(const std::string& name);

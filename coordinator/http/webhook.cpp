@@ -20,7 +20,9 @@ constexpr std::chrono::seconds kPatience{10};
 constexpr std::size_t kLeastSecret = 16;
 
 std::int64_t unix_ms() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 /// Status, or 0 when there was no reply.
@@ -51,7 +53,8 @@ int post(const CoordinatorConfig::Notify& config, const Notice& delivery, const 
 
 }  // namespace
 
-Webhook::Webhook(CoordinatorConfig::Notify config, std::string secret, Notifier notifier, JobService& service, const Log& log)
+Webhook::Webhook(CoordinatorConfig::Notify config, std::string secret, Notifier notifier, JobService& service,
+                 const Log& log)
     : config_(std::move(config)),
       secret_(std::move(secret)),
       notifier_(std::move(notifier)),
@@ -59,19 +62,22 @@ Webhook::Webhook(CoordinatorConfig::Notify config, std::string secret, Notifier 
       log_(log),
       thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
-Result<std::unique_ptr<Webhook>> Webhook::start(const CoordinatorConfig::Notify& config, const std::filesystem::path& state,
-                                                JobService& service, const Log& log) {
+Result<std::unique_ptr<Webhook>> Webhook::start(const CoordinatorConfig::Notify& config,
+                                                const std::filesystem::path& state, JobService& service,
+                                                const Log& log) {
   if (auto mode = check_secret_mode(config.secret_file); !mode) return tl::unexpected(mode.error());
   auto secret = read_file(config.secret_file, 4096, ErrorKind::kUsage);
   if (!secret) return tl::unexpected(secret.error());
   while (!secret->empty() && (secret->back() == '\n' || secret->back() == '\r')) secret->pop_back();
   if (secret->size() < kLeastSecret) {
-    return fail(ErrorKind::kUsage, fmt::format("{}: holds a secret of {} characters; expected at least {}: openssl rand -hex 32",
-                                               config.secret_file.string(), secret->size(), kLeastSecret));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: holds a secret of {} characters; expected at least {}: openssl rand -hex 32",
+                            config.secret_file.string(), secret->size(), kLeastSecret));
   }
   auto notifier = Notifier::open(state / "notify.json", unix_ms);
   if (!notifier) return tl::unexpected(notifier.error());
-  return std::unique_ptr<Webhook>(new Webhook(config, std::move(*secret), std::move(*notifier), service, log));
+  return std::unique_ptr<Webhook>(
+      new Webhook(config, std::move(*secret), std::move(*notifier), service, log));
 }
 
 void Webhook::deliver() {
@@ -100,9 +106,11 @@ void Webhook::run(const std::stop_token& stop) {
   std::condition_variable_any never;
   std::unique_lock lock(mutex);
   while (!stop.stop_requested()) {
-    if (auto looked = notifier_.look(service_.list()); !looked) log_.error("webhook", {{"error", looked.error().message}});
+    if (auto looked = notifier_.look(service_.list()); !looked)
+      log_.error("webhook", {{"error", looked.error().message}});
     deliver();
-    never.wait_for(lock, stop, std::chrono::duration<double>(notifier_.due() ? 0.0 : kLookSeconds), [] { return false; });
+    never.wait_for(lock, stop, std::chrono::duration<double>(notifier_.due() ? 0.0 : kLookSeconds),
+                   [] { return false; });
   }
 }
 

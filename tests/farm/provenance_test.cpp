@@ -1,4 +1,5 @@
-// An image says how it came to be, and the same command finds out whether that is true: real farm, real renderer.
+// An image says how it came to be, and the same command finds out whether that is true: real farm, real
+// renderer.
 
 #include <fcntl.h>
 
@@ -49,15 +50,21 @@ TEST_F(Provenance, AFarmsImageIsVerifiedAndRenderedAgain) {
   static_cast<void>(done(job));
   // The chain of states is that of one machine.
   ASSERT_FALSE(hash_of_single_node(job).empty());
-  EXPECT_EQ(metadata(image("box"), "state_chain"), metadata(folder_.path() / "single" / "box" / "box.exr", "state_chain"));
-  EXPECT_EQ(metadata(image("box"), "files"), metadata(folder_.path() / "single" / "box" / "box.exr", "files"));
+  EXPECT_EQ(metadata(image("box"), "state_chain"),
+            metadata(folder_.path() / "single" / "box" / "box.exr", "state_chain"));
+  EXPECT_EQ(metadata(image("box"), "files"),
+            metadata(folder_.path() / "single" / "box" / "box.exr", "files"));
 
   EXPECT_EQ(run({"verify", image("box").string(), "--json"}), 0) << out_.str() << err_.str();
   EXPECT_TRUE(nlohmann::json::parse(out_.str()).value("same", false)) << out_.str();
 
   // Rendered again from the image alone.
-  EXPECT_EQ(run({"submit", "--from", image("box").string(), "--wait", "--out", (folder_.path() / "again").string()}), 0) << err_.str();
-  EXPECT_EQ(metadata(folder_.path() / "again" / "box.exr", "state_chain"), metadata(image("box"), "state_chain"));
+  EXPECT_EQ(run({"submit", "--from", image("box").string(), "--wait", "--out",
+                 (folder_.path() / "again").string()}),
+            0)
+      << err_.str();
+  EXPECT_EQ(metadata(folder_.path() / "again" / "box.exr", "state_chain"),
+            metadata(image("box"), "state_chain"));
 
   // One float of one layer is another.
   auto forged = read_exr(image("box"));
@@ -85,9 +92,12 @@ TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
     std::error_code error;
     for (const auto& fd : fs::directory_iterator(fds, error)) {
       const fs::path target = fs::read_symlink(fd.path(), error);
-      const std::string info = read_file(fds.parent_path() / "fdinfo" / fd.path().filename(), 4096).value_or("");
+      const std::string info =
+          read_file(fds.parent_path() / "fdinfo" / fd.path().filename(), 4096).value_or("");
       const std::size_t flags = info.find("flags:");
-      if (error || flags == std::string::npos || !target.string().starts_with('/') || target.string().starts_with("/dev/")) continue;
+      if (error || flags == std::string::npos || !target.string().starts_with('/') ||
+          target.string().starts_with("/dev/"))
+        continue;
       if ((std::stoul(info.substr(flags + 6), nullptr, 8) & O_ACCMODE) == O_RDONLY) continue;
       const bool is_log = target.string().ends_with(".log");  // its standard error
       EXPECT_TRUE(is_log || target.string().starts_with(fs::canonical(state_).string())) << target;
@@ -101,8 +111,8 @@ TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
 
 TEST_F(Provenance, AnEstimateNamesItsRanges) {
   const std::string job = (fs::path(PF_SOURCE_DIR) / "jobs" / "peer-box.toml").string();
-  ASSERT_EQ(run({"estimate", job, "--set", "image.width=32", "--set", "image.height=32", "--set", "integrator.photons=2000", "--seconds", "1",
-                 "--error", "0.05", "--workers", "4", "--json"}),
+  ASSERT_EQ(run({"estimate", job, "--set", "image.width=32", "--set", "image.height=32", "--set",
+                 "integrator.photons=2000", "--seconds", "1", "--error", "0.05", "--workers", "4", "--json"}),
             0)
       << err_.str();
   const auto document = nlohmann::json::parse(out_.str());

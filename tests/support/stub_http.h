@@ -23,7 +23,8 @@ struct StubReply {
   std::string body = "{}";
 };
 
-/// A server on loopback that answers what the test says, one connection after the other, and remembers what it was asked.
+/// A server on loopback that answers what the test says, one connection after the other, and remembers what
+/// it was asked.
 class StubServer {
  public:
   explicit StubServer(std::function<StubReply(const StubRequest&)> answer) : answer_(std::move(answer)) {
@@ -77,14 +78,16 @@ class StubServer {
       whole = head + 4 + (length < head ? std::stoul(text.substr(length + 16)) : 0);
     }
     const std::size_t head = text.find("\r\n\r\n"), space = text.find(' ');
-    const StubRequest request{text.substr(0, space), text.substr(space + 1, text.find(' ', space + 1) - space - 1),
+    const StubRequest request{text.substr(0, space),
+                              text.substr(space + 1, text.find(' ', space + 1) - space - 1),
                               text.substr(0, head), text.substr(head + 4)};
     {
       const std::lock_guard lock(mutex_);
       requests_.push_back(request);
     }
     const StubReply reply = answer_(request);
-    const std::string sent = "HTTP/1.1 " + std::to_string(reply.status) + " X\r\nConnection: close\r\nContent-Type: application/json\r\n" +
+    const std::string sent = "HTTP/1.1 " + std::to_string(reply.status) +
+                             " X\r\nConnection: close\r\nContent-Type: application/json\r\n" +
                              "Content-Length: " + std::to_string(reply.body.size()) + "\r\n\r\n" + reply.body;
     static_cast<void>(::send(connection, sent.data(), sent.size(), MSG_NOSIGNAL));
   }

@@ -28,8 +28,10 @@ class CoordinatorConfiguration : public testing::Test {
 
 TEST_F(CoordinatorConfiguration, EveryKeyIsTaken) {
   const auto config = load(
-      "[http]\nhost = \"0.0.0.0\"\nport = 8443\ncertificate = \"server.pem\"\nkey = \"/etc/key.pem\"\nca = \"ca.pem\"\n"
-      "[limits]\nrequests_per_second = 2.5\nrequest_burst = 7\njobs_per_token = 3\njob_bytes = 1000\npixels = 100\n"
+      "[http]\nhost = \"0.0.0.0\"\nport = 8443\ncertificate = \"server.pem\"\nkey = \"/etc/key.pem\"\nca = "
+      "\"ca.pem\"\n"
+      "[limits]\nrequests_per_second = 2.5\nrequest_burst = 7\njobs_per_token = 3\njob_bytes = 1000\npixels "
+      "= 100\n"
       "[notify]\nurl = \"https://example.org/hook\"\nsecret_file = \"secret\"\nca = \"/etc/ca.pem\"\n");
   ASSERT_TRUE(config) << config.error().message;
   EXPECT_EQ(config->http.host, "0.0.0.0");
@@ -45,9 +47,13 @@ TEST_F(CoordinatorConfiguration, EveryKeyIsTaken) {
 }
 
 TEST_F(CoordinatorConfiguration, EveryErrorNamesItsPlace) {
-  EXPECT_NE(error("[http]\nhosts = \"a\"\n").find("config.toml:2:1: unknown key 'http.hosts'; did you mean 'http.host'?"), std::string::npos)
+  EXPECT_NE(error("[http]\nhosts = \"a\"\n")
+                .find("config.toml:2:1: unknown key 'http.hosts'; did you mean 'http.host'?"),
+            std::string::npos)
       << error("[http]\nhosts = \"a\"\n");
-  EXPECT_NE(error("[limits]\npixels = \"many\"\n").find("limits.pixels is the string \"many\"; expected an integer"), std::string::npos);
+  EXPECT_NE(error("[limits]\npixels = \"many\"\n")
+                .find("limits.pixels is the string \"many\"; expected an integer"),
+            std::string::npos);
   EXPECT_NE(error("[limits]\npixels = 1.5\n").find("an integer"), std::string::npos);
   EXPECT_NE(error("[limits]\nrequests_per_second = 0\n").find("a number from"), std::string::npos);
   EXPECT_NE(error("[limits]\nrequests_per_second = nan\n").find("a number from"), std::string::npos);
@@ -55,7 +61,8 @@ TEST_F(CoordinatorConfiguration, EveryErrorNamesItsPlace) {
   EXPECT_NE(error("[http\n").find("config.toml:1:"), std::string::npos);
   EXPECT_NE(error("[http]\ncertificate = \"a\"\n").find("belong together"), std::string::npos);
   EXPECT_NE(error("[notify]\nurl = \"https://a\"\n").find("secret_file"), std::string::npos);
-  EXPECT_NE(error("[notify]\nurl = \"file:///etc/passwd\"\nsecret_file = \"a\"\n").find("expected http"), std::string::npos);
+  EXPECT_NE(error("[notify]\nurl = \"file:///etc/passwd\"\nsecret_file = \"a\"\n").find("expected http"),
+            std::string::npos);
 }
 
 }  // namespace

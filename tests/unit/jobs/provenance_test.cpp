@@ -5,9 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include "build_id.h"
 #include "common/film/film.h"
 #include "common/film/render_result.h"
-#include "build_id.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf {
@@ -19,9 +19,13 @@ class ImageOriginTest : public testing::Test {
  protected:
   void SetUp() override {
     fs::create_directory(temp_ / "scene");
-    std::ofstream(temp_ / "scene" / "a.gltf") << R"({"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 5}]})";
+    std::ofstream(temp_ / "scene" / "a.gltf")
+        << R"({"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 5}]})";
     std::ofstream(temp_ / "scene" / "a.bin") << "12345";
-    auto spec = parse_job_toml("spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n[stop]\npasses = 0\nseconds = 5\nerror = 0.1\n", "a");
+    auto spec = parse_job_toml(
+        "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n[stop]\npasses = 0\nseconds "
+        "= 5\nerror = 0.1\n",
+        "a");
     ASSERT_TRUE(spec) << spec.error().message;
     spec_ = *spec;
     spec_.folder = temp_ / "scene";
@@ -70,7 +74,8 @@ TEST_F(ImageOriginTest, AnotherSceneIsRefused) {
   std::ofstream(temp_ / "scene" / "a.bin") << "54321";
   const auto used = use_scene_folder(*origin, temp_ / "scene");
   ASSERT_FALSE(used);
-  EXPECT_NE(used.error().message.find("a.bin: has another content"), std::string::npos) << used.error().message;
+  EXPECT_NE(used.error().message.find("a.bin: has another content"), std::string::npos)
+      << used.error().message;
 }
 
 TEST_F(ImageOriginTest, OthersImagesAreRefusedAndFileListsCannotLeadOut) {
@@ -81,8 +86,11 @@ TEST_F(ImageOriginTest, OthersImagesAreRefusedAndFileListsCannotLeadOut) {
   EXPECT_EQ(exit_code(origin.error().kind), 3);
   const std::string hash(64, 'a');
   for (const char* path : {"../a", "/etc/passwd", "a/../../b", ""})
-    EXPECT_FALSE(parse_file_list(R"([{"path": ")" + std::string(path) + R"(", "sha256": ")" + hash + R"(", "bytes": 1}])")) << path;
-  for (const char* text : {"", "{", "[1]", "[{}]", R"([{"path": "a", "sha256": "AA", "bytes": 1}])"}) EXPECT_FALSE(parse_file_list(text)) << text;
+    EXPECT_FALSE(parse_file_list(R"([{"path": ")" + std::string(path) + R"(", "sha256": ")" + hash +
+                                 R"(", "bytes": 1}])"))
+        << path;
+  for (const char* text : {"", "{", "[1]", "[{}]", R"([{"path": "a", "sha256": "AA", "bytes": 1}])"})
+    EXPECT_FALSE(parse_file_list(text)) << text;
   EXPECT_TRUE(parse_file_list("[]"));
 }
 

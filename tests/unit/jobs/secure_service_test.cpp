@@ -49,7 +49,8 @@ class SecureService : public testing::Test {
   int run(const Arguments& arguments, const std::string& server = {}, const std::string& token = {}) {
     out_.str("");
     err_.str("");
-    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server, token};
+    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server,
+                          token};
     return run_photonfarm(context, arguments);
   }
 
@@ -66,7 +67,8 @@ TEST_F(SecureService, CommandsFindCertificateAndTokenInTheStateFolder) {
   EXPECT_TRUE(server_->url().starts_with("https://127.0.0.1:"));
   ASSERT_EQ(run({"list"}), 0) << err_.str();
   EXPECT_NE(out_.str().find("glass-1"), std::string::npos);
-  ASSERT_EQ(run({"list", "--ca", (temp_ / "ca.pem").string()}, server_->url(), server_->token()), 0) << err_.str();
+  ASSERT_EQ(run({"list", "--ca", (temp_ / "ca.pem").string()}, server_->url(), server_->token()), 0)
+      << err_.str();
 }
 
 TEST_F(SecureService, AServiceThatNobodyVouchesForIsNotSpokenTo) {
@@ -92,7 +94,8 @@ TEST_F(SecureService, ASilentHandshakeIsCutOff) {
 
 TEST_F(SecureService, ALargeFileComesWhole) {
   std::ofstream(temp_ / "image", std::ios::binary) << std::string(5'000'000, 'x') + "end";
-  for (const Artifact kind : {Artifact::kExr, Artifact::kPng, Artifact::kJson}) service_.artifacts[kind] = temp_ / "image";
+  for (const Artifact kind : {Artifact::kExr, Artifact::kPng, Artifact::kJson})
+    service_.artifacts[kind] = temp_ / "image";
   start();
   ASSERT_EQ(run({"download", "glass-1", "--out", (temp_ / "out").string()}), 0) << err_.str();
   EXPECT_EQ(fs::file_size(temp_ / "out" / "glass.exr"), 5'000'003U);
@@ -115,7 +118,8 @@ TEST_F(SecureService, AKeyThatOthersReadOrThatDoesNotFitIsRefused) {
   ASSERT_FALSE(read_by_all);
   EXPECT_NE(read_by_all.error().message.find("chmod 600"), std::string::npos);
   const auto other = make_certificates({});
-  ASSERT_TRUE(other && write_file_atomically(temp_ / "server-key.pem", other->server_key, FileAccess::kOwnerOnly));
+  ASSERT_TRUE(other &&
+              write_file_atomically(temp_ / "server-key.pem", other->server_key, FileAccess::kOwnerOnly));
   const auto unfit = HttpServer::start(options_, service_, log_);
   ASSERT_FALSE(unfit);
   EXPECT_EQ(exit_code(unfit.error().kind), 2);

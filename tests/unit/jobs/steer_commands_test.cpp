@@ -1,4 +1,5 @@
-// What steers jobs and workers, against a stub of the service: each verb's request and what it makes of the reply.
+// What steers jobs and workers, against a stub of the service: each verb's request and what it makes of the
+// reply.
 
 #include <cstdlib>
 #include <fstream>
@@ -24,29 +25,44 @@ class SteerCommands : public testing::Test {
  protected:
   StubReply answer(const StubRequest& request) {
     if (request.path == "/v1/jobs")
-      return {200, json{{"jobs", {{{"id", "glass-1"}, {"name", "glass"}, {"state", "done"}},
-                                  {{"id", "glass-2"}, {"name", "glass"}, {"state", "running"}, {"submitted_unix_ms", 5}},
-                                  {{"id", "pool-3"}, {"name", "pool"}, {"state", "failed"}}}}}.dump()};
+      return {200,
+              json{{"jobs",
+                    {{{"id", "glass-1"}, {"name", "glass"}, {"state", "done"}},
+                     {{"id", "glass-2"}, {"name", "glass"}, {"state", "running"}, {"submitted_unix_ms", 5}},
+                     {{"id", "pool-3"}, {"name", "pool"}, {"state", "failed"}}}}}
+                  .dump()};
     if (request.method == "DELETE") return {204, ""};
     if (request.path == "/v1/jobs/glass-2/units") return {200, page({{0, "aa"}, {4, "bb"}})};
     if (request.path == "/v1/jobs/glass-2/units?after=4") return {200, page({{8, "cc"}})};
     if (request.path.find("/units?after=8") != std::string::npos) return {200, R"({"units": []})"};
-    if (request.path == "/v1/jobs/validate") return {200, R"({"valid": true, "spec": {}, "warnings": ["odd"]})"};
-    if (request.path.starts_with("/v1/workers/")) return {200, json{{"name", "w"}, {"state", "draining"}}.dump()};
+    if (request.path == "/v1/jobs/validate")
+      return {200, R"({"valid": true, "spec": {}, "warnings": ["odd"]})"};
+    if (request.path.starts_with("/v1/workers/"))
+      return {200, json{{"name", "w"}, {"state", "draining"}}.dump()};
     if (request.path == "/v1/jobs/pool-3/resume")
-      return {409, R"({"type": "urn:photonfarm:problem:conflict", "status": 409, "detail": "pool-3 is failed, not paused"})"};
+      return {
+          409,
+          R"({"type": "urn:photonfarm:problem:conflict", "status": 409, "detail": "pool-3 is failed, not paused"})"};
     return {200, json{{"id", "glass-2"}, {"state", "paused"}}.dump()};
   }
   static std::string page(const std::vector<std::pair<int, std::string>>& units) {
     json list = json::array();
     for (const auto& [first, hash] : units)
-      list.push_back({{"first", first}, {"count", 4}, {"part", 0}, {"state", "done"}, {"attempts", 1}, {"worker", "w-1"}, {"seconds", 1.5}, {"sums_hash", hash}});
+      list.push_back({{"first", first},
+                      {"count", 4},
+                      {"part", 0},
+                      {"state", "done"},
+                      {"attempts", 1},
+                      {"worker", "w-1"},
+                      {"seconds", 1.5},
+                      {"sums_hash", hash}});
     return json{{"units", list}}.dump();
   }
   int run(const Arguments& arguments) {
     out_.str("");
     err_.str("");
-    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server_.url(), "token"};
+    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_,
+                          err_,         server_.url(),   "token"};
     return run_photonfarm(context, arguments);
   }
   /// METHOD PATH BODY of the last request.
@@ -68,8 +84,10 @@ TEST_F(SteerCommands, EachVerbAsksForWhatItSays) {
       {{"cancel", "glass-2"}, "POST /v1/jobs/glass-2/cancel "},
       {{"cancel", "glass-2", "--discard"}, "POST /v1/jobs/glass-2/cancel {\"discard\": true}"},
       {{"extend", "glass-1", "--passes", "1024"}, "POST /v1/jobs/glass-1/extend {\"passes\":1024}"},
-      {{"extend", "glass-1", "--error", "0.5", "--seconds", "60"}, "POST /v1/jobs/glass-1/extend {\"error\":0.5,\"seconds\":60.0}"},
-      {{"set", "glass-2", "--priority", "80", "--max-workers", "0"}, "PATCH /v1/jobs/glass-2 {\"max_workers\":0,\"priority\":80}"},
+      {{"extend", "glass-1", "--error", "0.5", "--seconds", "60"},
+       "POST /v1/jobs/glass-1/extend {\"error\":0.5,\"seconds\":60.0}"},
+      {{"set", "glass-2", "--priority", "80", "--max-workers", "0"},
+       "PATCH /v1/jobs/glass-2 {\"max_workers\":0,\"priority\":80}"},
       {{"remove", "glass-1"}, "DELETE /v1/jobs/glass-1 "},
       {{"workers", "drain", "w-1"}, "POST /v1/workers/w-1/drain "},
       {{"workers", "disable", "w-1", "W_2"}, "POST /v1/workers/W_2/disable "},
@@ -122,7 +140,8 @@ TEST_F(SteerCommands, ListsAreFiltered) {
 }
 
 TEST_F(SteerCommands, AJobFileIsCheckedHereAndThere) {
-  std::ofstream(temp_ / "glass.toml") << "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n";
+  std::ofstream(temp_ / "glass.toml")
+      << "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n";
   std::ofstream(temp_ / "a.gltf") << R"({"asset": {"version": "2.0"}})";
   ASSERT_EQ(run({"validate", (temp_ / "glass.toml").string()}), 0) << err_.str();
   EXPECT_NE(out_.str().find("valid"), std::string::npos);
@@ -138,7 +157,8 @@ TEST_F(SteerCommands, EveryCommandHasExamplesInItsHelp) {
     if (command.name == "render" || command.name == "plan") continue;  // the worker's
     EXPECT_EQ(run({std::string(command.name), "--help"}), 0) << command.name;
     EXPECT_NE(out_.str().find("Example"), std::string::npos) << command.name;
-    EXPECT_NE(out_.str().find(std::string("photonfarm ") + std::string(command.name)), std::string::npos) << command.name;
+    EXPECT_NE(out_.str().find(std::string("photonfarm ") + std::string(command.name)), std::string::npos)
+        << command.name;
   }
 }
 
@@ -146,10 +166,11 @@ TEST_F(SteerCommands, EveryCommandHasExamplesInItsHelp) {
 std::string offered(const std::filesystem::path& script, const std::vector<std::string>& words) {
   std::string quoted;
   for (const std::string& word : words) quoted += "'" + word + "' ";
-  const auto run = run_and_capture("/bin/bash",
-                                   {"-c", "source '" + script.string() + "'; COMP_WORDS=(photonfarm " + quoted +
-                                              "); COMP_CWORD=" + std::to_string(words.size()) + "; _photonfarm; echo \"${COMPREPLY[*]}\""},
-                                   20);
+  const auto run = run_and_capture(
+      "/bin/bash",
+      {"-c", "source '" + script.string() + "'; COMP_WORDS=(photonfarm " + quoted +
+                 "); COMP_CWORD=" + std::to_string(words.size()) + "; _photonfarm; echo \"${COMPREPLY[*]}\""},
+      20);
   return run && run->end.exit_code == 0 ? run->output : "failed";
 }
 
@@ -169,8 +190,10 @@ TEST_F(SteerCommands, BashCompletesWhatTheParsersTake) {
 TEST_F(SteerCommands, EveryShellGetsEveryCommand) {
   for (const char* shell : {"bash", "zsh", "fish"}) {
     ASSERT_EQ(run({"completion", shell}), 0) << err_.str();
-    for (const Command& command : commands()) EXPECT_NE(out_.str().find(command.name), std::string::npos) << shell << command.name;
-    EXPECT_NE(out_.str().find(std::string(shell) == "fish" ? "-l discard" : "--discard"), std::string::npos) << shell;
+    for (const Command& command : commands())
+      EXPECT_NE(out_.str().find(command.name), std::string::npos) << shell << command.name;
+    EXPECT_NE(out_.str().find(std::string(shell) == "fish" ? "-l discard" : "--discard"), std::string::npos)
+        << shell;
   }
   EXPECT_EQ(run({"completion", "tcsh"}), 2);
 }

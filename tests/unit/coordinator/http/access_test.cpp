@@ -23,9 +23,11 @@ class HttpAccess : public HttpTest {
     EXPECT_EQ(reply.status, 201) << reply.body;
     return json::parse(reply.body).value("token", "");
   }
-  [[nodiscard]] int status(const std::string& bearer, const std::string& method, const std::string& path) const {
+  [[nodiscard]] int status(const std::string& bearer, const std::string& method,
+                           const std::string& path) const {
     HeaderList headers = {{"Authorization", "Bearer " + bearer}};
-    if (method != "GET" && method != "HEAD") headers.insert(headers.end(), {{"Content-Type", "application/json"}, {"Content-Length", "2"}});
+    if (method != "GET" && method != "HEAD")
+      headers.insert(headers.end(), {{"Content-Type", "application/json"}, {"Content-Length", "2"}});
     return raw(head(method, path, headers, false) + (method == "GET" || method == "HEAD" ? "" : "{}")).status;
   }
   [[nodiscard]] std::string submission(int width, std::uint64_t bytes) const {
@@ -36,7 +38,8 @@ class HttpAccess : public HttpTest {
 
 TEST_F(HttpAccess, EachRoleMayDoItsOwnAndWhatIsBelow) {
   service_.put(FakeJobService::running("glass-1"));
-  const std::string read = token("viewer", "read"), submit = token("anna", "submit"), admin = token("boss", "admin");
+  const std::string read = token("viewer", "read"), submit = token("anna", "submit"),
+                    admin = token("boss", "admin");
   EXPECT_EQ(status(read, "GET", "/v1/jobs"), 200);
   EXPECT_EQ(status(read, "POST", "/v1/jobs/glass-1/cancel"), 403);
   EXPECT_EQ(status(read, "PUT", "/v1/blobs/" + std::string(64, 'a')), 403);
@@ -77,9 +80,10 @@ TEST_F(HttpAccess, ARevokedTokenOpensNothing) {
 }
 
 TEST_F(HttpAccess, BadTokensAreNotMade) {
-  for (const char* body : {"", "[]", "{}", R"({"name": "a"})", R"({"name": "a", "role": "root"})", R"({"name": "../a", "role": "read"})",
-                           R"({"name": "A", "role": "read"})", R"({"name": "bootstrap", "role": "read"})",
-                           R"({"name": "a", "role": "read", "more": 1})"}) {
+  for (const char* body :
+       {"", "[]", "{}", R"({"name": "a"})", R"({"name": "a", "role": "root"})",
+        R"({"name": "../a", "role": "read"})", R"({"name": "A", "role": "read"})",
+        R"({"name": "bootstrap", "role": "read"})", R"({"name": "a", "role": "read", "more": 1})"}) {
     EXPECT_EQ(post("/v1/tokens", body).status, 422) << body;
   }
   static_cast<void>(token("anna", "read"));
@@ -113,7 +117,8 @@ TEST_F(HttpAccess, ATokenHasARateAndOthersAreNotHeldUp) {
   EXPECT_EQ(status(anna, "GET", "/v1/jobs"), 200);
   EXPECT_EQ(status(anna, "GET", "/v1/jobs"), 429);
   const_cast<FakeClock&>(clock).advance(1e6);
-  for (int i = 0; i < 5; ++i) EXPECT_EQ(status(anna, "GET", "/v1/jobs"), 200) << "a long rest saves up no more than the burst";
+  for (int i = 0; i < 5; ++i)
+    EXPECT_EQ(status(anna, "GET", "/v1/jobs"), 200) << "a long rest saves up no more than the burst";
   EXPECT_EQ(status(anna, "GET", "/v1/jobs"), 429);
 }
 
@@ -135,26 +140,33 @@ TEST_F(HttpAccess, NobodyElseReachesAPlainService) {
     EXPECT_EQ(exit_code(refused.error().kind), 2);
     EXPECT_NE(refused.error().message.find("http.certificate"), std::string::npos);
   }
-  for (const char* host : {"127.0.0.1", "127.8.9.1", "::1", "localhost"}) EXPECT_TRUE(is_loopback(host)) << host;
-  for (const char* host : {"127.0.0.1.evil.org", "128.0.0.1", "", "::2"}) EXPECT_FALSE(is_loopback(host)) << host;
+  for (const char* host : {"127.0.0.1", "127.8.9.1", "::1", "localhost"})
+    EXPECT_TRUE(is_loopback(host)) << host;
+  for (const char* host : {"127.0.0.1.evil.org", "128.0.0.1", "", "::2"})
+    EXPECT_FALSE(is_loopback(host)) << host;
 }
 
 TEST_F(HttpAccess, NoAddressLeadsOutOfItsFolder) {
   service_.put(FakeJobService::running("glass-1"));
   std::ofstream(temp_ / "secret") << "secret";
-  for (const char* path : {"/v1/jobs/../secret", "/v1/jobs/%2e%2e/checkpoint", "/v1/jobs/..%2f..%2fsecret/checkpoint",
-                           "/v1/blobs/../token", "/v1/blobs/%2e%2e%2ftoken", "/v1/tokens/../token", "/v1/jobs/glass-1/../../token",
-                           "//token", "/../token", "/v1/jobs/glass-1%00/checkpoint", "/assets/../token", "/assets/%2e%2e/token"}) {
+  for (const char* path :
+       {"/v1/jobs/../secret", "/v1/jobs/%2e%2e/checkpoint", "/v1/jobs/..%2f..%2fsecret/checkpoint",
+        "/v1/blobs/../token", "/v1/blobs/%2e%2e%2ftoken", "/v1/tokens/../token",
+        "/v1/jobs/glass-1/../../token", "//token", "/../token", "/v1/jobs/glass-1%00/checkpoint",
+        "/assets/../token", "/assets/%2e%2e/token"}) {
     const RawReply reply = get(path);
-    EXPECT_TRUE(reply.status == 404 || reply.status == 400 || reply.status == 405) << path << " " << reply.status;
+    EXPECT_TRUE(reply.status == 404 || reply.status == 400 || reply.status == 405)
+        << path << " " << reply.status;
     EXPECT_EQ(reply.body.find(server_->token()), std::string::npos) << path;
   }
 }
 
 TEST_F(HttpAccess, NothingIsUnpacked) {
-  // A megabyte of zeros packs into a thousand bytes, and a terabyte into a megabyte: what comes packed is not taken.
+  // A megabyte of zeros packs into a thousand bytes, and a terabyte into a megabyte: what comes packed is not
+  // taken.
   for (const char* encoding : {"gzip", "deflate", "br", "zstd", "identity, gzip"}) {
-    const RawReply reply = call("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", encoding}}, "bomb");
+    const RawReply reply = call(
+        "POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", encoding}}, "bomb");
     EXPECT_EQ(reply.status, 415) << encoding;
   }
   EXPECT_TRUE(service_.submissions.empty());

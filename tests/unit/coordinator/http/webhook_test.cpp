@@ -103,7 +103,9 @@ TEST(WebhookTest, TellsAReceiverThatFailsAtFirst) {
     ASSERT_TRUE(notifier->tried("glass-1-5", false).value()) << "the first failure";
   }
   int failures = 1;
-  StubServer receiver([&](const StubRequest& request) { return StubReply{request.path == "/hook?farm=1" && failures-- > 0 ? 500 : 204, ""}; });
+  StubServer receiver([&](const StubRequest& request) {
+    return StubReply{request.path == "/hook?farm=1" && failures-- > 0 ? 500 : 204, ""};
+  });
   CoordinatorConfig::Notify config{receiver.url() + "/hook?farm=1", temp / "secret", {}};
   service.put(ended("glass-1", 5));
   const auto wait_for = [&](std::size_t requests) {
@@ -131,7 +133,8 @@ TEST(WebhookTest, TellsAReceiverThatFailsAtFirst) {
   EXPECT_NE(last.head.find("Photonfarm-Delivery: glass-1-5\r\n"), std::string::npos) << last.head;
   const std::size_t at = last.head.find("Photonfarm-Signature: t=") + 24;
   const std::int64_t seconds = std::stoll(last.head.substr(at));
-  EXPECT_NE(last.head.find(webhook_signature("a-secret-of-the-operator", seconds, last.body)), std::string::npos);
+  EXPECT_NE(last.head.find(webhook_signature("a-secret-of-the-operator", seconds, last.body)),
+            std::string::npos);
   EXPECT_EQ(receiver.requests()[0].body, last.body);
 }
 
