@@ -75,7 +75,10 @@ std::vector<ConfigKey> keys_of(CoordinatorConfig& config, const std::filesystem:
           number("limits.pixels", 1, kMany, config.limits.pixels),
           text("notify.url", config.notify.url),
           path("notify.secret_file", folder, config.notify.secret_file),
-          path("notify.ca", folder, config.notify.ca)};
+          path("notify.ca", folder, config.notify.ca),
+          number("keep.result_days", 0, 1e6, config.keep.result_days),
+          number("keep.checkpoint_days", 0, 1e6, config.keep.checkpoint_days),
+          number("keep.bytes", 0, kMany, config.keep.bytes)};
 }
 
 Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, const std::string& file) {
@@ -84,9 +87,8 @@ Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, co
   for (const spec::Member& table : std::get<Value::Table>(document.data)) {
     const auto* members = std::get_if<Value::Table>(&table.value.data);
     if (members == nullptr) {
-      return fail(ErrorKind::kUsage,
-                  fmt::format("{}: '{}' stands in no table; expected [http], [limits] or [notify]",
-                              spec::location(file, table.place), table.key));
+      return fail(ErrorKind::kUsage, fmt::format("{}: '{}' stands in no table; expected [http], [limits], [notify] or [keep]",
+                                                 spec::location(file, table.place), table.key));
     }
     for (const spec::Member& member : *members) {
       const std::string name = fmt::format("{}.{}", table.key, member.key);

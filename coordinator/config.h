@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/result.h"
+#include "coordinator/retention.h"
 
 namespace pf {
 
@@ -30,6 +31,7 @@ struct CoordinatorConfig {
     std::filesystem::path secret_file;  ///< signs what is sent
     std::filesystem::path ca;           ///< for https; empty: the system's
   } notify;
+  RetentionPolicy keep;
 };
 
 /// Errors: kUsage, with the line and the nearest valid key. Paths are relative to the file's folder.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <tuple>
 
 #include <fmt/format.h>
 
@@ -12,6 +14,9 @@ namespace pf {
 namespace {
 
 constexpr double kPublishRetrySeconds = 0.5;
+/// Jobs that have a film in memory at a time, of one priority or a higher one: further ones of it wait for their turn.
+constexpr std::size_t kMaxActiveJobs = 16;
+constexpr std::uint64_t kEveryRun = std::numeric_limits<std::uint64_t>::max();
 
 /// Ten points of priority double a job's share of the workers.
 double weight_of(int priority) { return std::exp2((priority - 50) / 10.0); }
@@ -38,7 +43,7 @@ Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const C
       registry_(options_.worker_silence_seconds) {}
 
 JobSurroundings Farm::surroundings() {
-  return {blobs_, clock_, unix_ms_, options_.build_id, options_.ack_wait_seconds,
+  return {*store_, blobs_, clock_, unix_ms_, options_.build_id, options_.ack_wait_seconds,
           [this](const std::string& job, const BlobId& state) {
             return std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
               return entry.first != job && entry.second.job && entry.second.job->state() == state;
@@ -58,19 +63,53 @@ Result<void> Farm::restore() {
   std::error_code code;
   std::filesystem::create_directories(folder, code);
   if (code) return fail(ErrorKind::kUsage, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
-  for (const auto& entry : std::filesystem::directory_iterator(folder, code)) {
-    const std::string id = entry.path().filename().string();
-    if (!entry.is_directory() || !is_wire_name(id)) continue;
-    Entry& restored = jobs_[id];
-    restored.log = JobLog(entry.path());
-    auto job = FarmJob::restore(entry.path(), surroundings());
-    if (!job || (*job)->id() != id) {
-      log_.error("job cannot be restored", {{"id", id}, {"why", job ? "its record is of another job" : job.error().message}});
-      jobs_.erase(id);
+  auto store = JobStore::open(options_.state / JobStore::kFileName);
+  if (!store) return tl::unexpected(store.error());
+  store_.emplace(std::move(*store));
+  if (auto imported = import_jobs(); !imported) return imported;
+  auto loaded = store_->load();
+  if (!loaded) return tl::unexpected(loaded.error());
+  for (const auto& [id, why] : loaded->broken) log_.error("job cannot be restored", {{"id", id}, {"why", why}});
+  for (JobRecord& record : loaded->records) {
+    const std::string id = record.id;
+    std::filesystem::create_directories(folder / id, code);
+    Entry& entry = jobs_[id];
+    entry.log = JobLog(folder / id);
+    entry.job = FarmJob::restore(std::move(record), folder / id, surroundings());
+    entry.runs_announced = entry.job->runs_over();
+  }
+  const auto workers = store_->workers();
+  if (!workers) return tl::unexpected(workers.error());
+  for (const JobStore::SteeredWorker& worker : *workers) registry_.remember(worker.name, worker.verb, worker.by);
+  return {};
+}
+
+Result<void> Farm::import_jobs() {
+  std::error_code code;
+  for (const auto& entry : std::filesystem::directory_iterator(options_.state / "jobs", code)) {
+    const auto file = entry.path() / "job.json";
+    if (!std::filesystem::exists(file, code)) continue;
+    auto record = import_job_json(entry.path());
+    if (!record || record->id != entry.path().filename().string()) {
+      log_.error("job cannot be imported", {{"file", file.string()}, {"why", record ? "its record is of another job" : record.error().message}});
       continue;
     }
-    restored.job = std::move(*job);
-    restored.end_announced = restored.job->ended();
+    std::vector<BlobId> blobs{record->bundle};
+    if (auto manifest = blobs_.read(record->bundle, 0, kMaxBundleBytes)) {
+      if (const auto bundle = parse_bundle(*manifest)) {
+        for (const auto& content : bundle->files()) blobs.push_back(id_of(content.content()));
+      }
+    }
+    const auto known = store_->has(record->id);
+    if (!known) return tl::unexpected(known.error());
+    // Known already: a coordinator that was killed between the two steps.
+    const auto inserted = *known ? Result<void>() : store_->insert(*record, blobs);
+    if (!inserted) {
+      log_.error("job cannot be imported", {{"file", file.string()}, {"why", inserted.error().message}});
+      continue;
+    }
+    std::filesystem::remove(file, code);
+    log_.info("job imported", {{"id", record->id}});
   }
   return {};
 }
@@ -111,10 +150,12 @@ void Farm::on_message(const std::string& sender, std::string_view bytes) {
       break;
     case wire::FromWorker::kResult:
       if (FarmJob* job = find(message->result().job_id())) {
-        give(sender, job->on_manifest(sender, incarnation, message->result()));
+        give(sender, registry_.is_disabled(sender) ? job->refuse(sender, message->result(), "this worker is disabled")
+                                                   : job->on_manifest(sender, incarnation, message->result()));
       } else {
         wire::ToWorker unknown = envelope();
         unknown.mutable_job_ended()->set_job_id(message->result().job_id());
+        unknown.mutable_job_ended()->set_run(kEveryRun);
         send(sender, unknown);
       }
       break;
@@ -138,12 +179,9 @@ void Farm::on_message(const std::string& sender, std::string_view bytes) {
 }
 
 void Farm::on_heartbeat(const std::string& worker, std::uint64_t incarnation, const wire::Heartbeat& heartbeat) {
-  wire::ToWorker message = envelope();
-  wire::Welcome& welcome = *message.mutable_welcome();
-  welcome.set_ack_wait_seconds(options_.ack_wait_seconds);
-  welcome.set_accepted(heartbeat.build_id() == options_.build_id);
-  if (!welcome.accepted()) {
-    welcome.set_reason(fmt::format("its build is {}, the coordinator's is {}: an image's bits depend on the build",
+  if (heartbeat.build_id() != options_.build_id) {
+    wire::ToWorker message = envelope();
+    message.mutable_welcome()->set_reason(fmt::format("its build is {}, the coordinator's is {}: an image's bits depend on the build",
                                    heartbeat.build_id(), options_.build_id));
     log_.warning("worker of another build refused", {{"worker", worker}, {"build", heartbeat.build_id()}});
     return send(worker, message);
@@ -166,6 +204,14 @@ void Farm::on_heartbeat(const std::string& worker, std::uint64_t incarnation, co
     }
     entry.job->on_held(worker, held, preparing);
   }
+  welcome(worker);
+}
+
+void Farm::welcome(const std::string& worker) {
+  wire::ToWorker message = envelope();
+  message.mutable_welcome()->set_ack_wait_seconds(options_.ack_wait_seconds);
+  message.mutable_welcome()->set_accepted(true);
+  message.mutable_welcome()->set_idle(registry_.is_idled(worker));
   send(worker, message);
 }
 
@@ -207,12 +253,46 @@ void Farm::accuse(const std::string& worker, const std::string& what) {
 
 void Farm::note_ended() {
   for (auto& [id, entry] : jobs_) {
-    if (!entry.job->ended() || entry.end_announced) continue;
-    entry.end_announced = true;
+    const std::uint64_t over = entry.job->runs_over();
+    if (over <= entry.runs_announced) continue;
+    entry.runs_announced = over;
     wire::ToWorker message = envelope();
     message.mutable_job_ended()->set_job_id(id);
+    message.mutable_job_ended()->set_run(over - 1);
     send("", message);
   }
+}
+
+const FarmJob* Farm::next_to_begin() const {
+  // By priority; first come, first served among those of one.
+  const auto key = [](const FarmJob& j) { return std::tuple(-j.record().spec.job.priority, j.record().number); };
+  const FarmJob* first = nullptr;
+  for (const auto& [id, entry] : jobs_) {
+    const FarmJob& job = *entry.job;
+    if (job.record().state == JobState::kQueued && (first == nullptr || key(job) < key(*first))) first = &job;
+  }
+  if (first == nullptr) return nullptr;
+  const int priority = first->record().spec.job.priority;
+  const auto active = std::count_if(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
+    return entry.second.job->active() && entry.second.job->record().spec.job.priority >= priority;
+  });
+  return static_cast<std::size_t>(active) < kMaxActiveJobs ? first : nullptr;
+}
+
+FarmJob* Farm::next_job(std::size_t window, const std::vector<FarmJob*>& without_work) {
+  std::size_t queued = 0;
+  for (const auto& [id, entry] : jobs_) queued += entry.job->queued();
+  const FarmJob* beginner = next_to_begin();
+  // Fair among those that have work now: a job that waits at its barrier does not save up turns.
+  const Entry* chosen = nullptr;
+  for (const auto& [id, entry] : jobs_) {
+    FarmJob* job = entry.job.get();
+    if (job->ended() || std::find(without_work.begin(), without_work.end(), job) != without_work.end()) continue;
+    if (queued >= window && !job->must_repeat()) continue;
+    if (job->record().state == JobState::kQueued && job != beginner) continue;
+    if (chosen == nullptr || entry.share < chosen->share) chosen = &entry;
+  }
+  return chosen == nullptr ? nullptr : chosen->job.get();
 }
 
 void Farm::pump() {
@@ -227,31 +307,21 @@ void Farm::pump() {
   const std::size_t workers = registry_.live(clock_.now());
   const std::size_t window = options_.tasks_per_worker * std::max<std::size_t>(workers, 1);
   std::vector<FarmJob*> without_work;
-  while (true) {
-    std::size_t queued = 0;
-    for (const auto& [id, entry] : jobs_) queued += entry.job->queued();
-    // Fair among those that have work now: a job that waits at its barrier does not save up turns.
-    FarmJob* best = nullptr;
-    Entry* chosen = nullptr;
-    for (auto& [id, entry] : jobs_) {
-      FarmJob* job = entry.job.get();
-      if (job->ended() || std::find(without_work.begin(), without_work.end(), job) != without_work.end()) continue;
-      if (queued >= window && !job->must_repeat()) continue;
-      if (best == nullptr || entry.share < chosen->share) best = job, chosen = &entry;
-    }
-    if (best == nullptr) return;
-    const auto task = best->next_task(workers);
+  while (FarmJob* job = next_job(window, without_work)) {
+    double& share = jobs_.at(job->id()).share;
+    if (job->record().state == JobState::kQueued) share = std::max(share, least_share());
+    const auto task = job->next_task(workers);
     if (!task) {
-      without_work.push_back(best);
+      without_work.push_back(job);
       continue;
     }
-    chosen->share += best->cost(*task) / weight_of(best->record().spec.job.priority);
-    if (!publish(*best, *task)) return;
+    share += job->cost(*task) / weight_of(job->record().spec.job.priority);
+    if (!publish(*job, *task)) return;
   }
 }
 
 bool Farm::publish(FarmJob& job, const wire::Task& task) {
-  const std::string id = fmt::format("{}.{}.{}.{}.{:x}", task.job_id(), static_cast<int>(task.kind()),
+  const std::string id = fmt::format("{}.{}.{}.{}.{}.{:x}", task.job_id(), static_cast<int>(task.kind()), task.run(),
                                      task.unit().first_sub_pass(), task.unit().attempt(), options_.incarnation);
   if (port_.publish_task(id, to_bytes(task))) return true;
   job.not_published(task);
@@ -272,6 +342,7 @@ void Farm::tick() {
     entry.job->tick([&](double since) { return registry_.any_idle_since(since, now); });
     if (entry.job->record().state != before) ++version_;
   }
+  look_at_retention();
   note_ended();
   pump();
   std::uint64_t queued = 0;

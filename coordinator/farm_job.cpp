@@ -12,9 +12,10 @@
 namespace pf {
 namespace {
 
-constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
 /// A unit should trace about this long [s]: short enough to share out a round evenly, long against a fetch (1 ms).
 constexpr double kUnitSeconds = 0.25;
+/// The same of a job with a bound on its workers: these cannot gather units before they send, for the next one could be another's.
+constexpr double kBoundedUnitSeconds = 4.0;
 /// A unit in the queue that no worker has, while workers idle: after this many AckWaits the engine has lost it.
 constexpr double kLostAckWaits = 3.0;
 constexpr double kDiskRetrySeconds = 2.0;
@@ -24,7 +25,7 @@ constexpr std::uint32_t kDeathsPerFailure = 4;
 }  // namespace
 
 FarmJob::FarmJob(JobRecord record, std::filesystem::path folder, const JobSurroundings& around)
-    : record_(std::move(record)), folder_(std::move(folder)), around_(around), frozen_limit_(kNoLimit) {}
+    : record_(std::move(record)), spec_hash_(image_hash_of_spec(record_.spec)), folder_(std::move(folder)), around_(around), frozen_limit_(kNoEnd) {}
 
 void FarmJob::log(std::string_view level, std::string_view source, std::string_view text) const {
   around_.log(record_.id, level, source, text);
@@ -32,6 +33,11 @@ void FarmJob::log(std::string_view level, std::string_view source, std::string_v
 
 double FarmJob::seconds() const {
   return seconds_before_ + (running_since_ > 0 ? around_.clock.now() - running_since_ : 0.0);
+}
+
+void FarmJob::stop_clock() {
+  seconds_before_ = seconds();
+  running_since_ = 0;
 }
 
 bool FarmJob::has_barrier() const { return shares_radii() || record_.spec.stop.error > 0; }
@@ -44,15 +50,34 @@ std::uint64_t FarmJob::limit() const {
 
 std::uint64_t FarmJob::wanted_sub_passes() const {
   const auto passes = static_cast<std::uint64_t>(record_.spec.stop.passes);
-  return passes > 0 ? film_->order().sub_passes(passes) : kNoLimit;
+  return passes > 0 ? film_->order().sub_passes(passes) : kNoEnd;
+}
+
+std::vector<std::string_view> FarmJob::holders() const {
+  std::vector<std::string_view> names;
+  for (const auto& [first, unit] : ledger_.out()) {
+    if (!unit.holder.empty()) names.push_back(unit.holder);
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+std::size_t FarmJob::room_for_workers() const {
+  if (record_.max_workers == 0) return std::numeric_limits<std::size_t>::max();
+  const std::size_t taken = holders().size() + ledger_.queued();
+  const auto most = static_cast<std::size_t>(record_.max_workers);
+  return most > taken ? most - taken : 0;
 }
 
 std::uint64_t FarmJob::unit_size(std::size_t workers) const {
+  const bool bounded = record_.max_workers > 0;
+  if (bounded) workers = std::min(workers, static_cast<std::size_t>(record_.max_workers));
   const std::uint64_t left = limit() - ledger_.issued_below();
   // Two units a worker and round at least, so that the last ones end together.
   const std::uint64_t fair = std::max<std::uint64_t>(1, left / (2 * std::max<std::size_t>(workers, 1)));
   if (sub_pass_seconds_ <= 0) return 1;
-  const double wanted = std::clamp(std::floor(kUnitSeconds / sub_pass_seconds_), 1.0, 1e6);
+  const double wanted = std::clamp(std::floor((bounded ? kBoundedUnitSeconds : kUnitSeconds) / sub_pass_seconds_), 1.0, 1e6);
   return std::min(fair, static_cast<std::uint64_t>(wanted));
 }
 
@@ -60,6 +85,7 @@ wire::Task FarmJob::make_task(wire::Task::Kind kind, const UnitLedger::Out& unit
   wire::Task task;
   task.set_version(kWireVersion);
   task.set_build_id(around_.build_id);
+  task.set_run(record_.run);
   task.set_job_id(record_.id);
   task.set_kind(kind);
   task.mutable_unit()->set_first_sub_pass(unit.range.first);
@@ -85,7 +111,7 @@ std::optional<wire::Task> FarmJob::next_task(std::size_t workers) {
   const double now = around_.clock.now();
   if (record_.state == JobState::kQueued) {
     preparing_ = UnitLedger::Out{.range = {}, .attempt = 1, .since = now, .holder = {}, .failures = 0};
-    set_state(JobState::kPreparing, "");
+    apply(JobEvent::kPrepare, "");
     return make_task(wire::Task::PREPARE, *preparing_);
   }
   if (record_.state == JobState::kPreparing && std::exchange(repeat_preparing_, false)) {
@@ -97,7 +123,7 @@ std::optional<wire::Task> FarmJob::next_task(std::size_t workers) {
     repeat_.pop_front();
     if (unit != nullptr) return make_task(wire::Task::SUB_PASSES, *unit);
   }
-  if (ledger_.issued_below() >= limit()) return std::nullopt;
+  if (ledger_.issued_below() >= limit() || room_for_workers() == 0) return std::nullopt;
   const auto range = ledger_.issue(unit_size(workers), limit(), now);
   if (!range) return std::nullopt;
   return make_task(wire::Task::SUB_PASSES, *ledger_.find(range->first));
@@ -180,7 +206,7 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
   for (const auto& [first, why] : due) {
     UnitLedger::Out& unit = *ledger_.find(first);
     if (why == "timeout" && ++unit.failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
-      return finish(JobState::kFailed,
+      return end_failed(
                     fmt::format("sub-pass {} was not done within {} s in {} attempts; see faults.unit_timeout_seconds", first,
                                 timeout, unit.failures));
     }
@@ -192,12 +218,12 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
 void FarmJob::on_failed(const std::string& worker, const wire::TaskFailed& failed) {
   if (ended()) return;
   log("warning", worker, failed.message());
-  if (failed.permanent()) return finish(JobState::kFailed, fmt::format("{}: {}", worker, failed.message()));
+  if (failed.permanent()) return end_failed(fmt::format("{}: {}", worker, failed.message()));
   UnitLedger::Out* unit = failed.kind() == wire::Task::PREPARE ? (preparing_ ? &*preparing_ : nullptr)
                                                                : ledger_.find(failed.unit().first_sub_pass());
   if (unit == nullptr || unit->attempt != failed.unit().attempt()) return;
   if (++unit->failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
-    return finish(JobState::kFailed,
+    return end_failed(
                   fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
   }
   if (failed.kind() == wire::Task::PREPARE) {
@@ -207,8 +233,12 @@ void FarmJob::on_failed(const std::string& worker, const wire::TaskFailed& faile
   }
 }
 
-void FarmJob::forget_worker(const std::string& worker) {
+void FarmJob::forget_intakes(const std::string& worker) {
   std::erase_if(intakes_, [&](const auto& entry) { return std::get<0>(entry.first) == worker; });
+}
+
+void FarmJob::forget_worker(const std::string& worker) {
+  forget_intakes(worker);
   for (const auto& [first, unit] : ledger_.out()) {
     if (unit.holder != worker) continue;
     UnitLedger::Out& mine = *ledger_.find(first);
@@ -223,23 +253,30 @@ void FarmJob::after_progress() {
   film_->close_round_if_complete();
   around_.metrics.rounds += film_->rounds() - rounds;
   if (film_->sums().faults.overflow > 0) {
-    return finish(JobState::kFailed, overflow_message(record_.spec.job.name, film_->sums().faults.overflow));
+    return end_failed(overflow_message(record_.spec.job.name, film_->sums().faults.overflow));
   }
+  note_point();
   if (film_->round_begin() != round) {
-    const std::uint64_t done = film_->sub_passes();
-    if (record_.spec.stop.error > 0 || film_->rounds() % 4 == 0) record_.estimated_error = film_->estimated_error();
-    if (record_.spec.stop.error > 0 && done >= 2 && done == film_->round_begin() &&
-        record_.estimated_error <= record_.spec.stop.error) {
-      frozen_limit_ = std::min(frozen_limit_, done);
-    }
+    stop_by_error();
     if (shares_radii() && ledger_.issued_below() < std::min(frozen_limit_, limit())) {
       if (auto written = write_state(); !written) wait_for_disk(written.error());
     }
   }
 }
 
+/// No sub-pass beyond a round's end at which the estimated error was small enough.
+void FarmJob::stop_by_error() {
+  const std::uint64_t done = film_->sub_passes();
+  if (record_.spec.stop.error <= 0 || done < 2 || done != film_->round_begin()) return;
+  record_.estimated_error = film_->estimated_error();
+  if (record_.estimated_error <= record_.spec.stop.error) frozen_limit_ = std::min(frozen_limit_, done);
+}
+
 void FarmJob::go_on_after_waiting(double now) {
-  set_state(state_before_waiting_, "");
+  apply(state_before_waiting_ == JobState::kPreparing   ? JobEvent::kGoOnPreparing
+        : state_before_waiting_ == JobState::kFinishing ? JobEvent::kGoOnFinishing
+                                                        : JobEvent::kGoOnRunning,
+        "");
   log("info", "coordinator", "there is space again: the job goes on");
   // Nothing was taken in meanwhile: that is no fault of those who have units.
   std::vector<std::uint64_t> out;
@@ -249,8 +286,16 @@ void FarmJob::go_on_after_waiting(double now) {
 }
 
 void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
-  if (ended()) return;
   const double now = around_.clock.now();
+  if (unsaved_record_ && now >= next_save_) {
+    next_save_ = now + kDiskRetrySeconds;
+    save_record();
+  }
+  if (ended()) return;
+  if (record_.state == JobState::kPaused && film_ && film_->sub_passes() != checkpointed_passes_ && now >= next_try_) {
+    next_try_ = now + kDiskRetrySeconds;
+    static_cast<void>(save_checkpoint());  // the disk was full when it was paused
+  }
   if (record_.state == JobState::kWaiting) {
     if (now < next_try_) return;
     next_try_ = now + kDiskRetrySeconds;
@@ -260,73 +305,16 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
     if (!saved) return;
     go_on_after_waiting(now);
   }
-  if (record_.state == JobState::kFinishing) return finish(record_.end_state, end_message_);
+  if (record_.state == JobState::kFinishing) return go_on_finishing();
   if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning) look_after_units(now, idle_since);
   if (record_.state != JobState::kRunning) return;
   if (record_.spec.stop.seconds > 0 && ledger_.done_below() > 0 && seconds() >= record_.spec.stop.seconds) {
     frozen_limit_ = std::min(frozen_limit_, ledger_.issued_below());
   }
   const std::uint64_t end = std::min(frozen_limit_, wanted_sub_passes());
-  if (ledger_.done_below() >= end && ledger_.out().empty()) return finish(JobState::kDone, "");
+  if (ledger_.done_below() >= end && ledger_.out().empty()) return finish(JobEvent::kFinish, "");
   if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_) return;
   if (auto saved = save_checkpoint(); !saved) wait_for_disk(saved.error());
-}
-
-void FarmJob::cancel() {
-  if (!ended()) finish(JobState::kCancelled, "cancelled");
-}
-
-JobRecord::Figures FarmJob::figures_of_film() const {
-  const Statistics& sums = film_->sums();
-  return {film_->order().mean_passes(sums.sub_passes), film_->rounds(), sums.rays, sums.photon_paths, seconds()};
-}
-
-JobView FarmJob::view() const {
-  JobView v;
-  const JobSpec& spec = record_.spec;
-  v.id = record_.id;
-  v.name = spec.job.name;
-  v.state = record_.state;
-  v.message = record_.message;
-  v.priority = spec.job.priority;
-  v.algorithm = record_.plan.substr(0, record_.plan.find_first_of(" ;,:"));
-  v.width = spec.image.width;
-  v.height = spec.image.height;
-  v.passes_wanted = static_cast<std::uint64_t>(spec.stop.passes);
-  v.stop_seconds = spec.stop.seconds;
-  v.stop_error = spec.stop.error;
-  v.seconds = ended() ? record_.figures.seconds : seconds();
-  if (record_.estimated_error >= 0 && std::isfinite(record_.estimated_error)) v.estimated_error = record_.estimated_error;
-  const JobRecord::Figures figures = film_ ? figures_of_film() : record_.figures;
-  v.passes_done = figures.passes;
-  v.rounds = figures.rounds;
-  v.rays = figures.rays;
-  v.photon_paths = figures.photon_paths;
-  if (v.seconds > 0) {
-    v.rays_per_second = static_cast<double>(v.rays) / v.seconds;
-    v.passes_per_second = static_cast<double>(v.passes_done) / v.seconds;
-  }
-  if (!ended() && v.passes_wanted > v.passes_done && v.passes_per_second > 0) {
-    v.seconds_left = static_cast<double>(v.passes_wanted - v.passes_done) / v.passes_per_second;
-  }
-  std::vector<std::string_view> holders;
-  for (const auto& [first, unit] : ledger_.out()) {
-    if (!unit.holder.empty()) holders.push_back(unit.holder);
-  }
-  std::sort(holders.begin(), holders.end());
-  v.workers = static_cast<int>(std::unique(holders.begin(), holders.end()) - holders.begin());
-  v.units_done = units_done_;
-  v.units_repeated = units_repeated_;
-  v.bytes_received = bytes_received_;
-  v.merge_seconds = merge_seconds_;
-  v.image_hash = record_.image_hash;
-  v.scene_hash = record_.scene_hash;
-  v.spec_hash = image_hash_of_spec(spec);
-  v.warnings = record_.warnings;
-  v.submitted_unix_ms = record_.submitted_unix_ms;
-  v.started_unix_ms = record_.started_unix_ms;
-  v.ended_unix_ms = record_.ended_unix_ms;
-  return v;
 }
 
 }  // namespace pf

@@ -5,9 +5,11 @@
 #include <deque>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -17,16 +19,18 @@
 #include "common/film/film.h"
 #include "common/wire/blob_store.h"
 #include "common/wire/messages.h"
-#include "coordinator/job_record.h"
 #include "coordinator/job_service.h"
 #include "coordinator/metrics.h"
 #include "coordinator/result_intake.h"
+#include "coordinator/retention.h"
+#include "coordinator/store/job_store.h"
 #include "coordinator/unit_ledger.h"
 
 namespace pf {
 
 /// What a job needs of its surroundings.
 struct JobSurroundings {
+  JobStore& store;
   BlobStore& blobs;
   const Clock& clock;
   std::function<std::int64_t()> unix_ms;
@@ -49,16 +53,25 @@ struct Answer {
 /// end. Knows no engine and no worker by more than its name; all calls come from one thread.
 class FarmJob {
  public:
-  /// A new job, recorded in `folder`, which exists and is the job's own.
-  [[nodiscard]] static Result<std::unique_ptr<FarmJob>> create(JobRecord record, std::filesystem::path folder,
-                                                               const JobSurroundings& around);
-  /// Goes on from the folder: units in the last checkpoint are done, all others go out again.
-  [[nodiscard]] static Result<std::unique_ptr<FarmJob>> restore(std::filesystem::path folder, const JobSurroundings& around);
+  /// A new job that needs these blobs; `folder` exists and is its own.
+  [[nodiscard]] static Result<std::unique_ptr<FarmJob>> create(JobRecord record, std::span<const BlobId> blobs,
+                                                               std::filesystem::path folder, const JobSurroundings& around);
+  /// Goes on from record and folder: units in the last checkpoint are done, all others go out again.
+  [[nodiscard]] static std::unique_ptr<FarmJob> restore(JobRecord record, std::filesystem::path folder, const JobSurroundings& around);
 
   [[nodiscard]] const JobRecord& record() const { return record_; }
   [[nodiscard]] const std::string& id() const { return record_.id; }
   [[nodiscard]] bool ended() const { return has_ended(record_.state); }
+  /// Neither ended nor paused nor yet to begin: it has a film, or is about to get one.
+  [[nodiscard]] bool active() const { return !ended() && record_.state != JobState::kQueued && record_.state != JobState::kPaused; }
+  /// Runs whose tasks are not wanted any more: 0 .. runs_over() - 1.
+  [[nodiscard]] std::uint64_t runs_over() const {
+    return record_.run + (ended() || record_.state == JobState::kPaused ? 1 : 0);
+  }
   [[nodiscard]] JobView view() const;
+  /// Units whose first sub-pass is beyond `after`, at most `most`.
+  [[nodiscard]] Result<UnitPage> units(std::optional<std::uint64_t> after, std::size_t most) const;
+  [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence() const;
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const Film* film() const { return film_.get(); }
   /// Radii that its tasks name; no bytes: none.
@@ -80,6 +93,8 @@ class FarmJob {
   void on_held(const std::string& worker, const std::vector<UnitRange>& held, bool preparing);
   [[nodiscard]] Answer on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest);
   [[nodiscard]] Answer on_chunk(const std::string& worker, std::uint64_t incarnation, const wire::ResultChunk& chunk);
+  /// Not counted: its units go out again.
+  [[nodiscard]] Answer refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
   void on_failed(const std::string& worker, const wire::TaskFailed& failed);
   /// A worker is gone for good or not trusted: what it was sending is dropped.
   void forget_worker(const std::string& worker);
@@ -87,12 +102,22 @@ class FarmJob {
   /// Time passes: stops, checkpoints, units that have been away too long. `idle_since`: true when some worker has had
   /// nothing to do since the given moment.
   void tick(const std::function<bool(double since)>& idle_since);
-  /// Keeps the image so far.
-  void cancel();
+  /// kPause, kResume, kRetry, kCancel (keeps the image so far) or kDiscard. Error: kUnavailable.
+  [[nodiscard]] Result<void> act(JobEvent verb, const std::string& by);
+  [[nodiscard]] Result<void> extend(const StopChange& change, const std::string& by);
+  [[nodiscard]] Result<void> change(const JobChange& change, const std::string& by);
+  /// Of an ended job.
+  [[nodiscard]] KeptFiles kept_files() const;
+  void expire(const Expiry& expiry);
+  /// Its files are not in the blob store any more: it cannot go on.
+  void forget_scene();
+  /// Hands what the worker has to others.
+  void take_from(const std::string& worker, std::string_view why);
   /// Saves what is there before the process ends.
   void shut_down();
 
  private:
+  static constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
   using Key = std::tuple<std::string, std::uint64_t, std::uint64_t>;  ///< worker, incarnation, result
 
   FarmJob(JobRecord record, std::filesystem::path folder, const JobSurroundings& around);
@@ -105,14 +130,18 @@ class FarmJob {
   [[nodiscard]] bool has_barrier() const;
   [[nodiscard]] bool is_wanted(const wire::ResultManifest& manifest, std::string& why_not) const;
   [[nodiscard]] bool figures_are_plausible(const wire::ResultManifest& manifest) const;
-  [[nodiscard]] Answer refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
   /// Those that the result was to bring: it will not come again.
   void repeat_units_of(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
+  /// How many more workers it may have; units in the queue count as if each were with another one.
+  [[nodiscard]] std::size_t room_for_workers() const;
+  [[nodiscard]] std::vector<std::string_view> holders() const;
   [[nodiscard]] Answer take_in(const std::string& worker, ResultIntake intake);
   [[nodiscard]] Answer take_in_prepared(const std::string& worker, const ResultIntake& intake);
   [[nodiscard]] Answer take_in_sums(const std::string& worker, const ResultIntake& intake);
   void compare_with_first(const std::string& worker, const wire::ResultManifest& manifest);
   void count(const std::string& worker, const wire::ResultManifest& manifest);
+  void remember(const std::string& worker, const wire::ResultManifest& manifest);
+  void note_point(bool last_of_all = false);
   void after_progress();
   void start_running(Film film);
   void repeat_unit(UnitLedger::Out& unit, std::string_view why);
@@ -123,17 +152,37 @@ class FarmJob {
   [[nodiscard]] Result<void> write_state();
   [[nodiscard]] bool lacks_state() const;
   void drop_state();
-  void finish(JobState state, const std::string& message);
+  /// The event by the table; one that it forbids is a bug, which is logged.
+  void apply(JobEvent event, const std::string& message, const std::string& by = {});
+  /// Nothing is out any more.
+  void take_back();
+  void pause(const std::string& by);
+  void begin_again(JobEvent event, const std::string& by);
+  void take_up();
+  /// The film of the checkpoint; false when there is none.
+  [[nodiscard]] Result<bool> load_checkpoint();
+  void discard(const std::string& by);
+  [[nodiscard]] std::array<std::filesystem::path, 4> image_files() const;
+  void remove_image();
+  void remove_checkpoint();
+  void forget_intakes(const std::string& worker);
+  /// kFinish or kCancel: writes the image so far, then the job is done or cancelled.
+  void finish(JobEvent event, const std::string& message, const std::string& by = {});
+  void go_on_finishing();
+  void end_failed(const std::string& message);
+  void end(JobEvent event, const std::string& message);
+  void stop_by_error();
   [[nodiscard]] Result<void> write_result();
   void wait_for_disk(const Error& error);
   void go_on_after_waiting(double now);
-  void set_state(JobState state, const std::string& message);
+  void save_record();
   void log(std::string_view level, std::string_view source, std::string_view text) const;
-  [[nodiscard]] std::string identity() const;
   [[nodiscard]] double seconds() const;
-  [[nodiscard]] JobRecord::Figures figures_of_film() const;
+  void stop_clock();
+  [[nodiscard]] JobRecord::Figures figures() const;
 
   JobRecord record_;
+  std::string spec_hash_;                          ///< of what decides the pixels
   std::filesystem::path folder_;
   JobSurroundings around_;
   std::unique_ptr<Film> film_;
@@ -149,14 +198,19 @@ class FarmJob {
   };
   std::map<std::string, First> first_results_;     ///< the latest, by their units: a second one must equal the first,
   std::deque<std::string> first_order_;            ///< also when it comes after its round
+  std::vector<CountedResult> results_;             ///< that count and are not in the database yet
+  std::uint64_t next_result_ = 1;
+  std::vector<ConvergencePoint> points_;
   std::uint64_t frozen_limit_;                     ///< a stop by time: no unit beyond is issued
   JobState state_before_waiting_ = JobState::kRunning;
-  std::string end_message_;                        ///< of a finishing job
-  double next_try_ = 0;
+  double next_try_ = 0;                            ///< of what the disk did not take
   double running_since_ = 0;
-  double seconds_before_ = 0;                      ///< run before this process
+  double seconds_before_ = 0;                      ///< run before it was taken up last
   double last_checkpoint_ = 0;
   std::uint64_t checkpointed_passes_ = 0;
+  std::vector<Transition> transitions_;            ///< not in the database yet
+  bool unsaved_record_ = false;                    ///< the disk did not take it
+  double next_save_ = 0;
   std::uint64_t units_done_ = 0, units_repeated_ = 0, bytes_received_ = 0;
   double merge_seconds_ = 0;
   double sub_pass_seconds_ = 0;                    ///< of tracing, smoothed; 0: not known yet

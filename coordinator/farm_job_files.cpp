@@ -1,5 +1,8 @@
 // What a job keeps on disk: its record, checkpoints, the radii of a round, the result.
 
+#include <algorithm>
+#include <array>
+
 #include <fmt/format.h>
 
 #include "common/base/atomic_file.h"
@@ -17,64 +20,68 @@ std::filesystem::path checkpoint_in(const std::filesystem::path& folder) { retur
 
 }  // namespace
 
-std::string FarmJob::identity() const {
-  return fmt::format("farm spec {} scene {} build {}", image_hash_of_spec(record_.spec), record_.scene_hash, around_.build_id);
-}
-
-Result<std::unique_ptr<FarmJob>> FarmJob::create(JobRecord record, std::filesystem::path folder,
+Result<std::unique_ptr<FarmJob>> FarmJob::create(JobRecord record, std::span<const BlobId> blobs, std::filesystem::path folder,
                                                  const JobSurroundings& around) {
   std::unique_ptr<FarmJob> job(new FarmJob(std::move(record), std::move(folder), around));
   job->record_.submitted_unix_ms = around.unix_ms();
-  if (auto saved = job->record_.save(job->folder_); !saved) return tl::unexpected(saved.error());
+  if (auto inserted = around.store.insert(job->record_, blobs); !inserted) return tl::unexpected(inserted.error());
   return job;
 }
 
-Result<std::unique_ptr<FarmJob>> FarmJob::restore(std::filesystem::path folder, const JobSurroundings& around) {
-  auto record = JobRecord::load(folder);
-  if (!record) return tl::unexpected(record.error());
-  std::unique_ptr<FarmJob> job(new FarmJob(std::move(*record), std::move(folder), around));
-  const auto checkpoint = checkpoint_in(job->folder_);
-  if (!std::filesystem::exists(checkpoint)) {
-    if (!job->ended()) job->record_.state = JobState::kQueued;
+std::unique_ptr<FarmJob> FarmJob::restore(JobRecord record, std::filesystem::path folder, const JobSurroundings& around) {
+  std::unique_ptr<FarmJob> job(new FarmJob(std::move(record), std::move(folder), around));
+  if (job->ended()) return job;
+  const bool was_cancelled = job->record_.state == JobState::kFinishing && job->record_.end_state == JobState::kCancelled;
+  if (job->record_.state != JobState::kQueued && job->record_.state != JobState::kPaused) job->apply(JobEvent::kRestart, "");
+  const auto loaded = job->load_checkpoint();
+  if (job->record_.state == JobState::kPaused) {
+    if (!loaded) job->log("error", "coordinator", loaded.error().message);
     return job;
   }
-  std::string attachment;
-  auto film = Film::load(checkpoint, job->identity(), &attachment);
-  auto note = film ? CheckpointNote::from_json(attachment) : tl::unexpected(film.error());
-  if (!note) {
-    // Of another build, or damaged: said once, and nothing is overwritten.
-    if (!job->ended()) job->set_state(JobState::kFailed, note.error().message);
-    return job;
-  }
-  job->film_ = std::make_unique<Film>(std::move(*film));
-  job->ledger_.restore(note->done_below, note->done_beyond);
-  job->seconds_before_ = note->seconds;
-  job->units_done_ = note->units_done;
-  job->units_repeated_ = note->units_repeated;
-  job->bytes_received_ = note->bytes_received;
-  job->merge_seconds_ = note->merge_seconds;
-  job->checkpointed_passes_ = job->film_->sub_passes();
-  if (job->ended()) {
-    job->film_.reset();
-    return job;
-  }
-  job->running_since_ = job->last_checkpoint_ = around.clock.now();
-  if (job->record_.state == JobState::kFinishing && job->record_.end_state == JobState::kCancelled) {
-    job->finish(JobState::kCancelled, job->record_.message);
-    return job;
-  }
-  job->set_state(JobState::kRunning, "");
-  if (auto written = job->write_state(); !written) job->wait_for_disk(written.error());
-  job->log("info", "coordinator", fmt::format("goes on from a checkpoint of {} sub-passes", job->film_->sub_passes()));
+  // Of another build, or damaged: said once, and nothing is overwritten.
+  if (!loaded) job->end_failed(loaded.error().message);
+  if (loaded && *loaded) job->take_up();
+  if (was_cancelled) static_cast<void>(job->act(JobEvent::kCancel, ""));
   return job;
+}
+
+Result<bool> FarmJob::load_checkpoint() {
+  if (film_) return true;
+  const auto checkpoint = checkpoint_in(folder_);
+  if (!std::filesystem::exists(checkpoint)) return false;
+  std::string attachment;
+  auto film = Film::load(checkpoint, checkpoint_identity(record_, around_.build_id), &attachment);
+  auto note = film ? CheckpointNote::from_json(attachment) : tl::unexpected(film.error());
+  if (!note) return tl::unexpected(note.error());
+  film_ = std::make_unique<Film>(std::move(*film));
+  ledger_.restore(note->done_below, note->done_beyond);
+  seconds_before_ = note->seconds;
+  units_done_ = note->units_done;
+  units_repeated_ = note->units_repeated;
+  bytes_received_ = note->bytes_received;
+  merge_seconds_ = note->merge_seconds;
+  checkpointed_passes_ = film_->sub_passes();
+  next_result_ = note->next_result;
+  results_.clear();
+  if (auto points = around_.store.convergence(record_.number)) points_ = std::move(*points);
+  const std::uint64_t passes = figures().passes;
+  std::erase_if(points_, [&](const ConvergencePoint& point) { return point.passes > passes; });
+  if (auto pruned = around_.store.forget_results(record_.number, next_result_); !pruned) {
+    log("error", "coordinator", pruned.error().message);
+  }
+  return true;
 }
 
 void FarmJob::start_running(Film film) {
   film_ = std::make_unique<Film>(std::move(film));
   running_since_ = around_.clock.now();
   record_.started_unix_ms = around_.unix_ms();
-  set_state(JobState::kRunning, "");
-  auto saved = save_checkpoint();
+  next_result_ = 1;
+  results_.clear();
+  points_.clear();
+  apply(JobEvent::kRun, "");
+  auto saved = around_.store.forget_results(record_.number, next_result_);
+  if (saved) saved = save_checkpoint();
   if (saved) saved = write_state();
   if (!saved) wait_for_disk(saved.error());
 }
@@ -88,7 +95,12 @@ Result<void> FarmJob::save_checkpoint() {
   note.units_repeated = units_repeated_;
   note.bytes_received = bytes_received_;
   note.merge_seconds = merge_seconds_;
-  auto saved = film_->save(checkpoint_in(folder_), identity(), note.to_json());
+  note.next_result = next_result_;
+  record_.figures = figures();
+  // First the database: a result that it holds and the film does not is taken off it by its number.
+  if (auto stored = around_.store.checkpoint(record_, results_, points_); !stored) return stored;
+  results_.clear();
+  auto saved = film_->save(checkpoint_in(folder_), checkpoint_identity(record_, around_.build_id), note.to_json());
   if (!saved) return saved;
   last_checkpoint_ = around_.clock.now();
   checkpointed_passes_ = film_->sub_passes();
@@ -119,6 +131,7 @@ void FarmJob::drop_state() {
 }
 
 Result<void> FarmJob::write_result() {
+  note_point(true);
   RenderResult result;
   const double start = around_.clock.now();
   result.warnings = record_.warnings;
@@ -127,7 +140,7 @@ Result<void> FarmJob::write_result() {
   const auto manifest = around_.blobs.read(record_.bundle, 0, kMaxBundleBytes);
   const ResultLabels labels{.name = spec.job.name,
                             .exposure = static_cast<float>(spec.image.exposure),
-                            .spec_hash = image_hash_of_spec(spec),
+                            .spec_hash = spec_hash_,
                             .scene_hash = record_.scene_hash,
                             .plan = record_.plan,
                             .spec_json = canonical_json(spec),
@@ -139,32 +152,56 @@ Result<void> FarmJob::write_result() {
   if (auto done = write_file_atomically(result.json, result_json(spec.job.name, result)); !done) return done;
   record_.image_hash = result.image_hash;
   record_.estimated_error = result.error;
-  record_.warnings = result.warnings;
+  // A job that is extended is warned of the same again.
+  record_.warnings.clear();
+  for (const std::string& warning : result.warnings) {
+    if (std::find(record_.warnings.begin(), record_.warnings.end(), warning) == record_.warnings.end()) record_.warnings.push_back(warning);
+  }
   return save_checkpoint();
 }
 
-void FarmJob::finish(JobState state, const std::string& message) {
-  record_.end_state = state;
-  end_message_ = message;
-  intakes_.clear();
-  ledger_.restore(ledger_.done_below(), ledger_.done_beyond());
-  repeat_.clear();
-  preparing_.reset();
-  if (film_ && film_->sub_passes() > 0 && state != JobState::kFailed) {
-    set_state(JobState::kFinishing, message);
-    if (auto written = write_result(); !written) return wait_for_disk(written.error());
-  } else if (film_) {
-    // A failed job keeps what was reached; that this may fail too is of no account any more.
-    static_cast<void>(save_checkpoint());
+std::array<std::filesystem::path, 4> FarmJob::image_files() const {
+  const OutputPaths paths(folder_, record_.spec.job.name);
+  return {paths.exr, paths.png, paths.json, folder_ / "preview.png"};
+}
+
+void FarmJob::remove_image() {
+  std::error_code ignored;
+  for (const auto& file : image_files()) std::filesystem::remove(file, ignored);
+}
+
+KeptFiles FarmJob::kept_files() const {
+  KeptFiles kept{record_.id, record_.ended_unix_ms, 0, 0};
+  const auto size = [](const std::filesystem::path& file) -> std::uint64_t {
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(file, error);
+    return error ? 0 : bytes;
+  };
+  for (const auto& file : image_files()) kept.result_bytes += size(file);
+  kept.checkpoint_bytes = size(checkpoint_in(folder_));
+  return kept;
+}
+
+void FarmJob::expire(const Expiry& expiry) {
+  const std::string what = expiry.results ? "results" : "checkpoint";
+  if (expiry.results) {
+    remove_image();
+  } else {
+    remove_checkpoint();
   }
-  if (film_) record_.figures = figures_of_film();
-  film_.reset();
-  running_since_ = 0;
-  record_.ended_unix_ms = around_.unix_ms();
-  set_state(state, message);
-  log(state == JobState::kFailed ? "error" : "info", "coordinator",
-      fmt::format("{}{}{}", to_string(state), message.empty() ? "" : ": ", message));
-  drop_state();
+  record_.expired.push_back(what);
+  log("info", "coordinator", fmt::format("its {} expired: {}", what, expiry.why));
+  apply(JobEvent::kExpire, "");
+}
+
+void FarmJob::forget_scene() {
+  record_.bundle = {};
+  save_record();
+}
+
+void FarmJob::remove_checkpoint() {
+  std::error_code ignored;
+  std::filesystem::remove(checkpoint_in(folder_), ignored);
 }
 
 void FarmJob::wait_for_disk(const Error& error) {
@@ -172,15 +209,7 @@ void FarmJob::wait_for_disk(const Error& error) {
   if (record_.state != JobState::kWaiting) state_before_waiting_ = record_.state;
   next_try_ = around_.clock.now() + 1.0;
   log("error", "coordinator", error.message + "; the job waits until there is space");
-  set_state(JobState::kWaiting, error.message);
-}
-
-void FarmJob::set_state(JobState state, const std::string& message) {
-  record_.state = state;
-  record_.message = message;
-  // Waiting is not recorded: the disk that would take the record is full, and a restart finds out anew.
-  if (state == JobState::kWaiting) return;
-  if (auto saved = record_.save(folder_); !saved) log("error", "coordinator", saved.error().message);
+  apply(JobEvent::kHoldUp, error.message);
 }
 
 void FarmJob::shut_down() {

@@ -109,7 +109,9 @@ void FarmJob::repeat_units_of(const std::string& worker, const wire::ResultManif
 }
 
 Answer FarmJob::on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest) {
-  if (ended()) return {reply_to(manifest, wire::ResultReply::REFUSED, "the job has ended"), {}};
+  if (ended() || record_.state == JobState::kPaused) {
+    return {reply_to(manifest, wire::ResultReply::REFUSED, fmt::format("the job is {}", to_string(record_.state))), {}};
+  }
   if (record_.state == JobState::kWaiting) return {};  // the worker asks again
   if (manifest.build_id() != around_.build_id) {
     // No quarantine: a farm that was brought up to date meets results of the build before.
@@ -228,7 +230,7 @@ Answer FarmJob::take_in_sums(const std::string& worker, const ResultIntake& inta
     for (std::size_t i = 0; i < added; ++i) {
       const auto chunk = intake.read(i);
       if (!chunk || !unpacker.take_off(*chunk)) {
-        finish(JobState::kFailed, "a refused result could not be taken off again: the sums are lost since the last checkpoint");
+        end_failed("a refused result could not be taken off again: the sums are lost since the last checkpoint");
         return {};
       }
     }
@@ -263,6 +265,7 @@ void FarmJob::count(const std::string& worker, const wire::ResultManifest& manif
     first_results_.erase(first_order_.front());
     first_order_.pop_front();
   }
+  remember(worker, manifest);
   Metrics& metrics = around_.metrics;
   metrics.rays += manifest.rays();
   metrics.photon_paths += manifest.photon_paths();

@@ -16,7 +16,7 @@ std::int64_t unix_ms() {
   return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-Error closing() { return {ErrorKind::kUnavailable, "the coordinator is shutting down"}; }
+Error closing() { return {ErrorKind::kInterrupted, "the coordinator is shutting down"}; }
 
 }  // namespace
 
@@ -41,6 +41,7 @@ Result<std::unique_ptr<FarmProcess>> FarmProcess::open(const Options& options, c
   farm.ack_wait_seconds = options.engine.ack_wait_seconds;
   farm.incarnation = options.incarnation;
   farm.metrics = options.metrics;
+  farm.retention = options.retention;
   process->farm_ =
       std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_, unix_ms, log);
   if (auto restored = process->farm_->restore(); !restored) {
@@ -82,7 +83,7 @@ Result<void> FarmProcess::run(const std::atomic<bool>& interrupted) {
   auto next_tick = std::chrono::steady_clock::now();
   while (!interrupted.load()) {
     if (auto event = events_.pop(next_tick)) {
-      if (auto* question = std::get_if<Question>(&*event)) {
+      if (auto* question = std::get_if<Asked>(&*event)) {
         (*question)(*farm_);
       } else if (auto handled = handle(std::get<EngineEvent>(*event)); !handled) {
         farm_->shut_down();
@@ -99,51 +100,77 @@ Result<void> FarmProcess::run(const std::atomic<bool>& interrupted) {
   return {};
 }
 
-template <typename T>
-T FarmProcess::ask(std::function<T(Farm&)> question, T when_closed) {
+template <typename Question>
+auto FarmProcess::ask(Question question) -> std::invoke_result_t<Question, Farm&> {
+  using Given = std::invoke_result_t<Question, Farm&>;
+  const auto when_closed = [] {
+    if constexpr (std::is_constructible_v<Given, tl::unexpected<Error>>) {
+      return Given(tl::unexpected(closing()));
+    } else {
+      return Given();
+    }
+  };
   // Held by the queue and by us: whoever lets go last, a question that is never asked breaks its promise.
-  auto promise = std::make_shared<std::promise<T>>();
-  std::future<T> answer = promise->get_future();
-  const bool asked = events_.push(Event(Question([promise, question = std::move(question)](Farm& farm) {
-    promise->set_value(question(farm));
-  })));
+  auto promise = std::make_shared<std::promise<Given>>();
+  std::future<Given> answer = promise->get_future();
+  const bool asked =
+      events_.push(Event(Asked([promise, question = std::move(question)](Farm& farm) { promise->set_value(question(farm)); })));
   promise.reset();
-  if (!asked) return when_closed;
+  if (!asked) return when_closed();
   while (answer.wait_for(kTick) != std::future_status::ready) {
-    if (events_.closed()) return when_closed;
+    if (events_.closed()) return when_closed();
   }
   try {
     return answer.get();
   } catch (const std::future_error&) {
-    return when_closed;
+    return when_closed();
   }
 }
 
 Result<JobView> FarmProcess::submit(const Submission& submission) {
-  return ask<Result<JobView>>([submission](Farm& farm) { return farm.submit(submission); }, tl::unexpected(closing()));
+  return ask([submission](Farm& farm) { return farm.submit(submission); });
 }
-std::vector<JobView> FarmProcess::list() {
-  return ask<std::vector<JobView>>([](Farm& farm) { return farm.list(); }, {});
+Result<Validation> FarmProcess::validate(const Submission& submission) {
+  return ask([submission](Farm& farm) { return farm.validate(submission); });
+}
+Result<JobList> FarmProcess::list(const JobFilter& filter) {
+  return ask([filter](Farm& farm) { return farm.list(filter); });
 }
 Result<JobView> FarmProcess::show(const std::string& id) {
-  return ask<Result<JobView>>([id](Farm& farm) { return farm.show(id); }, tl::unexpected(closing()));
+  return ask([id](Farm& farm) { return farm.show(id); });
 }
-Result<JobView> FarmProcess::cancel(const std::string& id) {
-  return ask<Result<JobView>>([id](Farm& farm) { return farm.cancel(id); }, tl::unexpected(closing()));
+Result<JobView> FarmProcess::act(const std::string& id, JobEvent verb, const std::string& by) {
+  return ask([id, verb, by](Farm& farm) { return farm.act(id, verb, by); });
+}
+Result<JobView> FarmProcess::extend(const std::string& id, const StopChange& stops, const std::string& by) {
+  return ask([id, stops, by](Farm& farm) { return farm.extend(id, stops, by); });
+}
+Result<JobView> FarmProcess::change(const std::string& id, const JobChange& change, const std::string& by) {
+  return ask([id, change, by](Farm& farm) { return farm.change(id, change, by); });
+}
+Result<void> FarmProcess::remove(const std::string& id, const std::string& by) {
+  return ask([id, by](Farm& farm) { return farm.remove(id, by); });
+}
+Result<UnitPage> FarmProcess::units(const std::string& id, std::optional<std::uint64_t> after) {
+  return ask([id, after](Farm& farm) { return farm.units(id, after); });
+}
+Result<std::vector<ConvergencePoint>> FarmProcess::convergence(const std::string& id) {
+  return ask([id](Farm& farm) { return farm.convergence(id); });
 }
 Result<std::filesystem::path> FarmProcess::artifact(const std::string& id, Artifact kind) {
-  return ask<Result<std::filesystem::path>>([id, kind](Farm& farm) { return farm.artifact(id, kind); },
-                                            tl::unexpected(closing()));
+  return ask([id, kind](Farm& farm) { return farm.artifact(id, kind); });
 }
 Result<std::string> FarmProcess::preview_png(const std::string& id) {
-  return ask<Result<std::string>>([id](Farm& farm) { return farm.preview_png(id); }, tl::unexpected(closing()));
+  return ask([id](Farm& farm) { return farm.preview_png(id); });
 }
 Result<std::vector<LogEntry>> FarmProcess::logs(const std::string& id, std::uint64_t after) {
-  return ask<Result<std::vector<LogEntry>>>([id, after](Farm& farm) { return farm.logs(id, after); },
-                                            tl::unexpected(closing()));
+  return ask([id, after](Farm& farm) { return farm.logs(id, after); });
 }
 std::vector<WorkerView> FarmProcess::workers() {
-  return ask<std::vector<WorkerView>>([](Farm& farm) { return farm.workers(); }, {});
+  return ask([](Farm& farm) { return farm.workers(); });
+}
+Result<WorkerView> FarmProcess::steer(const std::string& worker, WorkerVerb verb, const std::string& by) {
+  return ask([worker, verb, by](Farm& farm) { return farm.steer(worker, verb, by); });
 }
 
 std::uint64_t FarmProcess::wait_for_change(std::uint64_t version, double seconds) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <type_traits>
 #include <variant>
 #include <vector>
 
@@ -27,6 +28,7 @@ class FarmProcess final : public JobService {
     std::filesystem::path state;
     std::uint64_t incarnation = 1;
     Metrics* metrics = nullptr;   ///< where work is counted
+    RetentionPolicy retention;
   };
   /// Connects and takes up the state folder's jobs. Errors: kUnavailable (engine), kUsage (folder).
   [[nodiscard]] static Result<std::unique_ptr<FarmProcess>> open(const Options& options, const Log& log);
@@ -34,29 +36,36 @@ class FarmProcess final : public JobService {
 
   /// Serves until `interrupted`; then saves checkpoints. Error: the engine refused this process for good.
   [[nodiscard]] Result<void> run(const std::atomic<bool>& interrupted);
-  /// No question is answered any more; those that wait get kUnavailable.
+  /// No question is answered any more; those that wait get kInterrupted.
   void close();
 
   [[nodiscard]] Result<JobView> submit(const Submission& submission) override;
-  [[nodiscard]] std::vector<JobView> list() override;
+  [[nodiscard]] Result<Validation> validate(const Submission& submission) override;
+  [[nodiscard]] Result<JobList> list(const JobFilter& filter) override;
   [[nodiscard]] Result<JobView> show(const std::string& id) override;
-  [[nodiscard]] Result<JobView> cancel(const std::string& id) override;
+  [[nodiscard]] Result<JobView> act(const std::string& id, JobEvent verb, const std::string& by) override;
+  [[nodiscard]] Result<JobView> extend(const std::string& id, const StopChange& stops, const std::string& by) override;
+  [[nodiscard]] Result<JobView> change(const std::string& id, const JobChange& change, const std::string& by) override;
+  [[nodiscard]] Result<void> remove(const std::string& id, const std::string& by) override;
+  [[nodiscard]] Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) override;
+  [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(const std::string& id) override;
   [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override;
   [[nodiscard]] Result<std::string> preview_png(const std::string& id) override;
   [[nodiscard]] Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) override;
   [[nodiscard]] std::vector<WorkerView> workers() override;
+  [[nodiscard]] Result<WorkerView> steer(const std::string& worker, WorkerVerb verb, const std::string& by) override;
   [[nodiscard]] std::uint64_t wait_for_change(std::uint64_t version, double seconds) override;
 
  private:
-  using Question = std::function<void(Farm&)>;
-  using Event = std::variant<EngineEvent, Question>;
+  using Asked = std::function<void(Farm&)>;
+  using Event = std::variant<EngineEvent, Asked>;
 
   explicit FarmProcess(const Log& log);
   [[nodiscard]] Result<void> handle(EngineEvent& event);
   void publish_version();
-  /// Asks on the farm's thread and waits.
-  template <typename T>
-  [[nodiscard]] T ask(std::function<T(Farm&)> question, T when_closed);
+  /// Asks on the farm's thread and waits. The question returns a Result, or what an empty answer may stand for.
+  template <typename Question>
+  [[nodiscard]] auto ask(Question question) -> std::invoke_result_t<Question, Farm&>;
 
   const Log& log_;
   SystemClock clock_;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -9,16 +10,9 @@
 
 #include "common/base/result.h"
 #include "common/wire/blob_store.h"
+#include "coordinator/job_state.h"
 
 namespace pf {
-
-/// Where a job stands. Queued -> preparing (a worker loads the scene) -> running -> finishing (the image is written) -> done;
-/// failed and cancelled end it too. Waiting: running, but held up by something that `message` names (a full disk).
-enum class JobState { kQueued, kPreparing, kRunning, kWaiting, kFinishing, kDone, kFailed, kCancelled };
-[[nodiscard]] std::string_view to_string(JobState state);
-[[nodiscard]] constexpr bool has_ended(JobState s) {
-  return s == JobState::kDone || s == JobState::kFailed || s == JobState::kCancelled;
-}
 
 /// A job as users see it.
 struct JobView {
@@ -27,6 +21,10 @@ struct JobView {
   JobState state = JobState::kQueued;
   std::string message;                  ///< why it waits or failed; warnings are in `warnings`
   int priority = 50;
+  int max_workers = 0;                  ///< that may hold its units at a time; 0: no bound
+  std::string submitted_by, paused_by;  ///< names of tokens; paused_by is empty unless it is paused
+  int extended = 0;                     ///< times that its stops were changed
+  std::vector<std::string> expired;     ///< "checkpoint", "results": what the policy of retention has removed
   std::string algorithm;                ///< after `auto` was decided
   int width = 0, height = 0;
   std::uint64_t passes_done = 0;
@@ -52,8 +50,8 @@ struct WorkerView {
   std::string name;
   std::string host;
   std::uint64_t process = 0;
-  std::string state;                    ///< idle, loading, tracing, sending, draining, lost, quarantined
-  std::string message;                  ///< why it was quarantined
+  std::string state;                    ///< idle, loading, tracing, sending, draining, drained, disabled, lost, quarantined
+  std::string message;                  ///< why it was quarantined, or who drained or disabled it
   std::string job_id;
   int units_held = 0;
   std::uint64_t rays = 0, sub_passes = 0;
@@ -70,29 +68,106 @@ struct Submission {
   std::string spec_json;                            ///< the job model as JSON
   std::vector<std::pair<std::string, BlobId>> files;  ///< of the bundle; all blobs are in the store already
   std::string idempotency_key;                      ///< the same key again returns the first job; may be empty
+  std::string submitted_by;                         ///< name of a token
 };
+
+/// What a job file says, without submitting it.
+struct Validation {
+  std::string spec_json;                            ///< canonical
+  std::vector<std::string> warnings;
+};
+
+/// Which jobs; empty members are no filters.
+struct JobFilter {
+  std::optional<JobState> state;
+  std::string name;
+  std::size_t limit = 1000;                         ///< the latest so many
+  std::string before;                               ///< id: only jobs submitted before this one
+};
+struct JobList {
+  std::vector<JobView> jobs;                        ///< by time of submission
+  std::string before;                               ///< for the filter that goes on with older ones; empty: there are none
+};
+
+/// New values of the stops; absent ones stay.
+struct StopChange {
+  std::optional<std::int64_t> passes;               ///< more than so far; 0: no bound
+  std::optional<double> seconds, error;
+};
+struct JobChange {
+  std::optional<int> priority;                      ///< 0..100
+  std::optional<int> max_workers;                   ///< 0: no bound
+};
+
+/// A work unit. `part` is the tile [x0, y0, x1, y1) of its first sub-pass, empty when sub-passes cover the whole image.
+struct UnitView {
+  std::uint64_t first = 0, count = 0;
+  std::vector<int> part;
+  std::string state;                                ///< new, out, done
+  std::uint32_t attempts = 0;
+  std::string worker;                               ///< that has it or did it
+  double seconds = 0;                               ///< of tracing
+  std::uint64_t result = 0;                         ///< units of one number were merged before they were sent ...
+  std::string sums_hash;                            ///< ... and this is the XXH3-128 of their sums (statistics_codec.h)
+};
+struct UnitPage {
+  std::vector<UnitView> units;                      ///< ascending by first
+  std::optional<std::uint64_t> after;               ///< for the next page; absent: there is none
+};
+
+/// How far a job was at some moment.
+struct ConvergencePoint {
+  double seconds = 0;
+  std::uint64_t passes = 0, rounds = 0, rays = 0;
+  std::optional<double> estimated_error;
+  friend bool operator==(const ConvergencePoint&, const ConvergencePoint&) = default;
+};
+
+/// Drain: it finishes what it has and takes no more. Disable: what it has goes to others at once. Enable: as if nothing had been.
+enum class WorkerVerb { kDrain, kDisable, kEnable };
 
 enum class Artifact { kExr, kPng, kJson, kCheckpoint };
 
-/// What the HTTP API needs. Calls come from any thread.
+/// What the HTTP API needs. Calls come from any thread; `by` is the name of the token that asks.
 class JobService {
  public:
   virtual ~JobService() = default;
   /// Errors: kInvalidSpec with the spec's place; kInvalidInput for missing blobs or bad paths.
   [[nodiscard]] virtual Result<JobView> submit(const Submission& submission) = 0;
-  [[nodiscard]] virtual std::vector<JobView> list() = 0;
-  /// Errors of all below: kUsage when no job has this id.
+  /// What submit() would say; files may be missing, and are warned of.
+  [[nodiscard]] virtual Result<Validation> validate(const Submission& submission) = 0;
+  /// Errors: kUsage when `before` names no job.
+  [[nodiscard]] virtual Result<JobList> list(const JobFilter& filter) = 0;
+  /// Every job; none while the coordinator is shutting down.
+  [[nodiscard]] std::vector<JobView> list() {
+    JobFilter all;
+    all.limit = std::numeric_limits<std::size_t>::max();
+    auto listed = list(all);
+    return listed ? std::move(listed->jobs) : std::vector<JobView>();
+  }
+  /// Errors of all below: kUsage when no job has this id; kUnavailable when its state does not permit it.
   [[nodiscard]] virtual Result<JobView> show(const std::string& id) = 0;
-  /// Ends a job; the image so far stays and can be fetched. A job that has ended stays as it is.
-  [[nodiscard]] virtual Result<JobView> cancel(const std::string& id) = 0;
+  /// kPause, kResume, kRetry, kCancel or kDiscard.
+  [[nodiscard]] virtual Result<JobView> act(const std::string& id, JobEvent verb, const std::string& by) = 0;
+  /// A job that is done goes on, to the bits of one long run. Errors: kInvalidInput for values; kUnavailable also when its
+  /// checkpoint has expired or is of another build.
+  [[nodiscard]] virtual Result<JobView> extend(const std::string& id, const StopChange& stops, const std::string& by) = 0;
+  [[nodiscard]] virtual Result<JobView> change(const std::string& id, const JobChange& change, const std::string& by) = 0;
+  /// Removes an ended job and all that only it needs.
+  [[nodiscard]] virtual Result<void> remove(const std::string& id, const std::string& by) = 0;
+  /// Units whose first sub-pass is beyond `after`, at most 1000.
+  [[nodiscard]] virtual Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) = 0;
+  [[nodiscard]] virtual Result<std::vector<ConvergencePoint>> convergence(const std::string& id) = 0;
   /// Where the file lies; it does not change afterwards (it may be replaced as a whole). Errors: kUnavailable while there is
-  /// none yet.
+  /// none yet, or when it has expired.
   [[nodiscard]] virtual Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) = 0;
   /// The image so far. Errors: kUnavailable before the first sub-pass.
   [[nodiscard]] virtual Result<std::string> preview_png(const std::string& id) = 0;
   /// Entries after `after`, at most 1000.
   [[nodiscard]] virtual Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) = 0;
   [[nodiscard]] virtual std::vector<WorkerView> workers() = 0;
+  /// Errors: kUsage when no worker has this name.
+  [[nodiscard]] virtual Result<WorkerView> steer(const std::string& worker, WorkerVerb verb, const std::string& by) = 0;
   /// Blocks until any job's view has changed since `version`, or `seconds` went by; returns the version now. For watching.
   [[nodiscard]] virtual std::uint64_t wait_for_change(std::uint64_t version, double seconds) = 0;
 };

@@ -66,6 +66,7 @@ int serve(const Options& options) {
   if (farm.engine.name.empty()) farm.engine.name = "coordinator";
   farm.engine.ack_wait_seconds = options.ack_wait;
   farm.state = options.state;
+  farm.retention = config->keep;
   std::random_device random;
   farm.incarnation = (std::uint64_t{random()} << 32) | random();
   const pf::Log log;

@@ -13,11 +13,8 @@
 namespace pf {
 namespace {
 
-constexpr std::array kJobStates = {JobState::kQueued,  JobState::kPreparing, JobState::kRunning,
-                                   JobState::kWaiting, JobState::kFinishing, JobState::kDone,
-                                   JobState::kFailed,  JobState::kCancelled};
-constexpr std::array<std::string_view, 7> kWorkerStates = {"idle",     "loading", "tracing",    "sending",
-                                                           "draining", "lost",    "quarantined"};
+constexpr std::array<std::string_view, 9> kWorkerStates = {"idle",    "loading",  "tracing", "sending",    "draining",
+                                                           "drained", "disabled", "lost",    "quarantined"};
 
 void head(std::string& text, std::string_view name, std::string_view type, std::string_view help) {
   text += fmt::format("# HELP photonfarm_{0} {2}\n# TYPE photonfarm_{0} {1}\n", name, type, help);
@@ -42,7 +39,7 @@ void by_state(std::string& text, std::string_view name, std::string_view help,
 
 void write_jobs(std::string& text, const std::vector<JobView>& jobs) {
   std::map<std::string, int> states;
-  for (const JobState state : kJobStates) states[std::string(to_string(state))] = 0;
+  for (const JobState state : all_job_states()) states[std::string(to_string(state))] = 0;
   double rays = 0, passes = 0;
   for (const JobView& job : jobs) {
     ++states[std::string(to_string(job.state))];

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ class WorkerRegistry {
     double idle_since = 0;        ///< meaningful while it is idle
     std::string quarantined;      ///< why; empty: trusted
     int faults = 0;               ///< malformed messages so far
+    std::optional<WorkerVerb> steered;  ///< drained or disabled ...
+    std::string steered_by;       ///< ... by whom
     bool lost = false;            ///< said so by newly_lost()
   };
 
@@ -32,6 +35,13 @@ class WorkerRegistry {
   /// the same host would err again.
   void quarantine(const std::string& name, const std::string& reason);
   [[nodiscard]] bool is_quarantined(const std::string& name) const;
+  /// False when the name is not known. Enabling also ends a quarantine.
+  bool steer(const std::string& name, WorkerVerb verb, const std::string& by);
+  /// The same of one that has not been heard yet.
+  void remember(const std::string& name, WorkerVerb verb, const std::string& by);
+  /// Drained or disabled: it takes no more work.
+  [[nodiscard]] bool is_idled(const std::string& name) const;
+  [[nodiscard]] bool is_disabled(const std::string& name) const;
   /// A malformed message. True when that was one too many: the worker is in quarantine now.
   bool fault(const std::string& name, const std::string& what);
 
@@ -41,9 +51,13 @@ class WorkerRegistry {
   /// True when a live worker has had nothing to do since `since` or longer.
   [[nodiscard]] bool any_idle_since(double since, double now) const;
   [[nodiscard]] std::vector<WorkerView> views(double now) const;
+  /// Of a known one.
+  [[nodiscard]] WorkerView view(const std::string& name, double now) const;
   [[nodiscard]] const std::map<std::string, Worker>& all() const { return workers_; }
 
  private:
+  /// Takes work, as far as is known.
+  [[nodiscard]] bool works(const Worker& worker, double now) const;
   std::map<std::string, Worker> workers_;
   double silence_;
 };

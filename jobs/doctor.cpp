@@ -200,14 +200,14 @@ std::string_view to_string(Health health) {
   return "bad";
 }
 
-std::string doctor_text(const std::vector<Check>& checks) {
+std::string doctor_text(const std::vector<Check>& checks, std::string_view well, std::string_view unwell) {
   std::string text;
   for (const Check& check : checks) {
-    text += fmt::format("{:<6}{:<14}{}\n", to_string(check.health), check.name, check.found);
-    if (!check.hint.empty()) text += fmt::format("{:<20}{}\n", "", check.hint);
+    text += fmt::format("{:<6}{:<14} {}\n", to_string(check.health), check.name, check.found);
+    if (!check.hint.empty()) text += fmt::format("{:<21}{}\n", "", check.hint);
   }
-  text += all_well(checks) ? "This machine can render.\n" : "This machine cannot render yet.\n";
-  return text;
+  text += all_well(checks) ? well : unwell;
+  return text + '\n';
 }
 
 nlohmann::json doctor_json(const std::vector<Check>& checks, const std::string& build_id) {

@@ -13,7 +13,7 @@ namespace pf {
 enum class Health {
   kOk,
   kNote,  ///< something works less well, or only the farm needs it
-  kBad    ///< this machine cannot render
+  kBad    ///< this machine cannot render, or the state folder has suffered
 };
 
 /// What one look at the machine found, and what to do about it.
@@ -48,7 +48,8 @@ struct Machine {
 [[nodiscard]] std::string_view to_string(Health health);
 /// False when any check is bad.
 [[nodiscard]] bool all_well(const std::vector<Check>& checks);
-[[nodiscard]] std::string doctor_text(const std::vector<Check>& checks);
+/// A table, and the last line: `well` or `unwell`.
+[[nodiscard]] std::string doctor_text(const std::vector<Check>& checks, std::string_view well, std::string_view unwell);
 [[nodiscard]] nlohmann::json doctor_json(const std::vector<Check>& checks, const std::string& build_id);
 
 }  // namespace pf

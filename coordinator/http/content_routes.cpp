@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <mutex>
 #include <system_error>
@@ -59,9 +60,14 @@ HttpReply HttpRoutes::checkpoint(const HttpRequest& request, const Captures& cap
 HttpReply HttpRoutes::artifact(const HttpRequest& request, const std::string& id, Artifact kind,
                                std::string_view type) {
   const auto path = service_.artifact(id, kind);
-  if (!path) return failure(path.error(), true);
+  if (!path) {
+    const auto job = service_.show(id);
+    const std::string_view what = kind == Artifact::kCheckpoint ? "checkpoint" : "results";
+    const bool expired = job && std::ranges::find(job->expired, what) != job->expired.end();
+    return failure(path.error(), expired ? kExpired : kNotYet);
+  }
   auto opened = OpenFile::open(*path);
-  if (!opened) return failure(opened.error(), true);
+  if (!opened) return failure(opened.error(), kNotYet);
   const auto file = std::make_shared<const OpenFile>(std::move(*opened));
   HttpReply reply;
   reply.content_type = type;
@@ -94,6 +100,8 @@ HttpReply HttpRoutes::head_blob(const HttpRequest&, const Captures& captures) {
   const std::lock_guard lock(store_mutex_);
   const std::uint64_t bytes = std::filesystem::file_size(store_.path_of({captures[0], 0}), error);
   if (error || !store_.has({captures[0], bytes})) return problem(404, "not-found", "no such blob");
+  // Asked for, it is needed soon: it must not be swept away as a stray one before its job is submitted.
+  std::filesystem::last_write_time(store_.path_of({captures[0], bytes}), std::filesystem::file_time_type::clock::now(), error);
   return empty_reply(200);
 }
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <set>
 #include <utility>
 
 #include "common/wire/limits.h"
@@ -20,66 +19,6 @@ json or_null(const std::optional<T>& value) {
   return value ? json(*value) : json(nullptr);
 }
 
-/// First byte and length of the value of the last top-level member `key`. `text` must be valid JSON with an
-/// object at its root.
-std::pair<std::size_t, std::size_t> extent_of_member(std::string_view text, std::string_view key) {
-  std::pair<std::size_t, std::size_t> extent{0, 0};
-  std::string_view last_string;
-  bool wanted = false;
-  std::size_t begin = 0;
-  int depth = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (c == '"') {
-      const std::size_t from = i + 1;
-      for (++i; text[i] != '"'; ++i) {
-        if (text[i] == '\\') ++i;
-      }
-      if (depth == 1) last_string = text.substr(from, i - from);
-    } else if (c == '{' || c == '[') {
-      ++depth;
-    } else if (c == ':' && depth == 1) {
-      wanted = last_string == key;
-      begin = i + 1;
-    } else if (c == ',' || c == '}' || c == ']') {
-      if (depth == 1 && wanted) {
-        extent = {begin, i - begin};
-        wanted = false;
-      }
-      if (c != ',') --depth;
-    }
-  }
-  return extent;
-}
-
-tl::unexpected<Error> bad(std::string message) {
-  return fail(ErrorKind::kInvalidInput, "request body: " + std::move(message));
-}
-
-bool is_sha256(std::string_view text) {
-  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
-Result<std::pair<std::string, BlobId>> parse_file(const json& file, std::size_t index) {
-  const auto place = [&](std::string_view member) { return fmt::format("files[{}].{}", index, member); };
-  if (!file.is_object())
-    return bad(fmt::format("files[{}] is not an object; expected path, sha256, bytes", index));
-  const auto text = [&](const char* member) {
-    const auto found = file.find(member);
-    return found != file.end() && found->is_string() ? found->get<std::string>() : std::string();
-  };
-  const std::string path = text("path"), sha256 = text("sha256");
-  if (!is_bundle_path(path)) {
-    return bad(place("path") + ": expected a relative path below the job's folder without '.' and '..'");
-  }
-  if (!is_sha256(sha256)) return bad(place("sha256") + ": expected 64 lower-case hexadecimal digits");
-  const auto bytes = file.find("bytes");
-  if (bytes == file.end() || !bytes->is_number_unsigned() || bytes->get<std::uint64_t>() > kMaxBlobBytes) {
-    return bad(fmt::format("{}: expected an integer from 0 to {}", place("bytes"), kMaxBlobBytes));
-  }
-  return std::pair(path, BlobId{sha256, bytes->get<std::uint64_t>()});
-}
-
 }  // namespace
 
 json to_json(const JobView& job) {
@@ -88,6 +27,11 @@ json to_json(const JobView& job) {
           {"state", to_string(job.state)},
           {"message", job.message},
           {"priority", job.priority},
+          {"max_workers", job.max_workers},
+          {"submitted_by", job.submitted_by},
+          {"paused_by", job.paused_by},
+          {"extended", job.extended},
+          {"expired", job.expired},
           {"algorithm", job.algorithm},
           {"width", job.width},
           {"height", job.height},
@@ -128,6 +72,26 @@ json to_json(const WorkerView& worker) {
           {"rays", worker.rays},
           {"sub_passes", worker.sub_passes},
           {"seconds_since_heard", worker.seconds_since_heard}};
+}
+
+json to_json(const UnitView& unit) {
+  return {{"first", unit.first},
+          {"count", unit.count},
+          {"part", unit.part.empty() ? json() : json(unit.part)},
+          {"state", unit.state},
+          {"attempts", unit.attempts},
+          {"worker", unit.worker},
+          {"seconds", unit.seconds},
+          {"result", unit.result},
+          {"sums_hash", unit.sums_hash}};
+}
+
+json to_json(const ConvergencePoint& point) {
+  return {{"seconds", point.seconds},
+          {"passes", point.passes},
+          {"rounds", point.rounds},
+          {"rays", point.rays},
+          {"estimated_error", or_null(point.estimated_error)}};
 }
 
 json to_json(const LogEntry& entry) {
@@ -172,6 +136,8 @@ std::string_view status_title(int status) {
       return "Forbidden";
     case 404:
       return "Not Found";
+    case 410:
+      return "Gone";
     case 405:
       return "Method Not Allowed";
     case 408:
@@ -228,44 +194,6 @@ std::string problem_json(int status, std::string_view type, std::string_view det
                   {"detail", detail}};
   if (const std::string_view place = place_of(detail); !place.empty()) problem["place"] = place;
   return json_line(problem);
-}
-
-Result<Submission> parse_submission(std::string body) {
-  const json document = json::parse(body, nullptr, false);
-  // The library takes a NUL for the end of its input.
-  if (document.is_discarded() || body.find('\0') != std::string::npos) {
-    return bad("not valid JSON; expected {\"spec\": {...}, \"files\": [...]}");
-  }
-  if (!document.is_object()) return bad("not a JSON object; expected {\"spec\": {...}, \"files\": [...]}");
-  for (const auto& [key, value] : document.items()) {
-    if (key != "spec" && key != "files")
-      return bad(fmt::format("unknown member '{}'; expected spec and files", key));
-  }
-  if (!document.contains("spec") || !document["spec"].is_object()) {
-    return bad("spec: expected an object, the job model as JSON");
-  }
-  if (!document.contains("files") || !document["files"].is_array()) return bad("files: expected an array");
-  if (document["files"].size() > kMaxBundleFiles) {
-    return bad(
-        fmt::format("files: {} of them; expected at most {}", document["files"].size(), kMaxBundleFiles));
-  }
-  Submission submission;
-  std::set<std::string> paths;
-  for (std::size_t i = 0; i < document["files"].size(); ++i) {
-    auto file = parse_file(document["files"][i], i);
-    if (!file) return tl::unexpected(file.error());
-    if (!paths.insert(file->first).second)
-      return bad(fmt::format("files[{}].path: '{}' comes twice", i, file->first));
-    submission.files.push_back(std::move(*file));
-  }
-  const auto [begin, length] = extent_of_member(body, "spec");
-  if (length == 0) return bad("spec: its name must be written without escapes");
-  for (std::size_t i = 0; i < body.size(); ++i) {
-    if ((i < begin || i >= begin + length) && body[i] != '\n') body[i] = ' ';
-  }
-  body.resize(begin + length);
-  submission.spec_json = std::move(body);
-  return submission;
 }
 
 }  // namespace pf

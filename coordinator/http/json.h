@@ -14,6 +14,8 @@ namespace pf {
 [[nodiscard]] nlohmann::json to_json(const JobView& job);
 [[nodiscard]] nlohmann::json to_json(const WorkerView& worker);
 [[nodiscard]] nlohmann::json to_json(const LogEntry& entry);
+[[nodiscard]] nlohmann::json to_json(const UnitView& unit);
+[[nodiscard]] nlohmann::json to_json(const ConvergencePoint& point);
 /// One line; broken UTF-8 (it may come from a worker) is replaced, never an error.
 [[nodiscard]] std::string json_line(const nlohmann::json& json);
 
@@ -29,6 +31,13 @@ namespace pf {
 
 /// What a client posts to /v1/jobs. Errors: kInvalidInput, naming the member. The spec's text keeps its place
 /// in the body (what stands around it becomes blanks), so that places in its errors are places of the body.
-[[nodiscard]] Result<Submission> parse_submission(std::string body);
+enum class FilesMember { kNeeded, kOptional };
+[[nodiscard]] Result<Submission> parse_submission(std::string body, FilesMember files = FilesMember::kNeeded);
+/// {"discard": bool}
+[[nodiscard]] Result<bool> parse_cancel(const std::string& body);
+/// {"passes", "seconds", "error"}, at least one of them.
+[[nodiscard]] Result<StopChange> parse_stops(const std::string& body);
+/// {"priority", "max_workers"}, at least one of them.
+[[nodiscard]] Result<JobChange> parse_change(const std::string& body);
 
 }  // namespace pf

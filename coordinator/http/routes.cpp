@@ -10,17 +10,15 @@
 
 #include "build_id.h"
 #include "common/base/nearest_name.h"
+#include "common/wire/messages.h"
 #include "coordinator/http/json.h"
+#include "coordinator/http/openapi.h"
 #include "coordinator/http/streams.h"
 
 namespace pf {
 namespace {
 
 using nlohmann::json;
-
-constexpr std::array kStates = {JobState::kQueued,  JobState::kPreparing, JobState::kRunning,
-                                JobState::kWaiting, JobState::kFinishing, JobState::kDone,
-                                JobState::kFailed,  JobState::kCancelled};
 
 std::vector<std::string_view> parts_of(std::string_view path) {
   std::vector<std::string_view> parts;
@@ -33,11 +31,7 @@ std::vector<std::string_view> parts_of(std::string_view path) {
   return parts;
 }
 
-/// Ids of jobs: nothing that means something in a path gets through.
-bool is_id(std::string_view text) {
-  return !text.empty() && text.size() <= 64 &&
-         text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
-}
+}  // namespace
 
 std::optional<std::uint64_t> whole_number(std::string_view text) {
   std::uint64_t value = 0;
@@ -46,14 +40,12 @@ std::optional<std::uint64_t> whole_number(std::string_view text) {
   return value;
 }
 
-HttpReply json_reply(const json& value, int status = 200) {
+HttpReply json_reply(const json& value, int status) {
   HttpReply reply;
   reply.status = status;
   reply.body = json_line(value);
   return reply;
 }
-
-}  // namespace
 
 std::string HttpRequest::header(const std::string& lower_case_name) const {
   const auto found = headers.find(lower_case_name);
@@ -110,10 +102,20 @@ HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std
 std::span<const HttpRoutes::Route> HttpRoutes::routes() {
   static constexpr std::array kRoutes = {
       Route{"GET", "/v1/health", &HttpRoutes::health},
+      Route{"GET", "/v1/openapi.json", &HttpRoutes::openapi},
       Route{"POST", "/v1/jobs", &HttpRoutes::submit},
       Route{"GET", "/v1/jobs", &HttpRoutes::list_jobs},
+      Route{"POST", "/v1/jobs/validate", &HttpRoutes::validate},
       Route{"GET", "/v1/jobs/{}", &HttpRoutes::show_job},
+      Route{"PATCH", "/v1/jobs/{}", &HttpRoutes::change_job},
+      Route{"DELETE", "/v1/jobs/{}", &HttpRoutes::delete_job},
+      Route{"POST", "/v1/jobs/{}/pause", &HttpRoutes::pause_job},
+      Route{"POST", "/v1/jobs/{}/resume", &HttpRoutes::resume_job},
+      Route{"POST", "/v1/jobs/{}/retry", &HttpRoutes::retry_job},
       Route{"POST", "/v1/jobs/{}/cancel", &HttpRoutes::cancel_job},
+      Route{"POST", "/v1/jobs/{}/extend", &HttpRoutes::extend_job},
+      Route{"GET", "/v1/jobs/{}/units", &HttpRoutes::units},
+      Route{"GET", "/v1/jobs/{}/convergence", &HttpRoutes::convergence},
       Route{"GET", "/v1/jobs/{}/events", &HttpRoutes::events},
       Route{"GET", "/v1/jobs/{}/logs", &HttpRoutes::logs},
       Route{"GET", "/v1/jobs/{}/image.exr", &HttpRoutes::exr},
@@ -122,6 +124,9 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"GET", "/v1/jobs/{}/checkpoint", &HttpRoutes::checkpoint},
       Route{"GET", "/v1/jobs/{}/preview.png", &HttpRoutes::preview},
       Route{"GET", "/v1/workers", &HttpRoutes::list_workers},
+      Route{"POST", "/v1/workers/{}/drain", &HttpRoutes::drain_worker},
+      Route{"POST", "/v1/workers/{}/disable", &HttpRoutes::disable_worker},
+      Route{"POST", "/v1/workers/{}/enable", &HttpRoutes::enable_worker},
       Route{"HEAD", "/v1/blobs/{}", &HttpRoutes::head_blob},
       Route{"GET", "/v1/blobs/{}", &HttpRoutes::get_blob},
       Route{"PUT", "/v1/blobs/{}", &HttpRoutes::put_blob},
@@ -131,6 +136,12 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"DELETE", "/v1/tokens/{}", &HttpRoutes::revoke_token},
   };
   return kRoutes;
+}
+
+std::vector<std::pair<std::string, std::string>> HttpRoutes::addresses() {
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const Route& route : routes()) all.emplace_back(route.method, route.pattern);
+  return all;
 }
 
 HttpReply HttpRoutes::answer(HttpRequest request) {
@@ -161,7 +172,7 @@ HttpReply HttpRoutes::route(HttpRequest& request, std::string_view& answering) {
     for (std::size_t i = 0; i < parts.size() && fits; ++i) {
       if (pattern[i] == "{}") {
         captures.emplace_back(parts[i]);
-        fits = is_id(parts[i]);
+        fits = is_wire_name(parts[i]);  // nothing that means something in a path
       } else {
         fits = pattern[i] == parts[i];
       }
@@ -181,8 +192,9 @@ HttpReply HttpRoutes::route(HttpRequest& request, std::string_view& answering) {
   return reply;
 }
 
-HttpReply HttpRoutes::failure(const Error& error, bool artifact) const {
+HttpReply HttpRoutes::failure(const Error& error, const Unavailable& unavailable) const {
   int status = 500;
+  std::string_view type = problem_type(error.kind);
   switch (error.kind) {
     case ErrorKind::kUsage:
       status = 404;
@@ -192,7 +204,8 @@ HttpReply HttpRoutes::failure(const Error& error, bool artifact) const {
       status = 422;
       break;
     case ErrorKind::kUnavailable:
-      status = artifact ? 409 : 503;
+      status = unavailable.status;
+      type = unavailable.type;
       break;
     case ErrorKind::kTimeout:
     case ErrorKind::kInterrupted:
@@ -202,16 +215,18 @@ HttpReply HttpRoutes::failure(const Error& error, bool artifact) const {
       status = 500;
       break;
   }
-  return problem(status, status == 409 ? "not-yet" : problem_type(error.kind), error.message);
+  return problem(status, type, error.message);
 }
 
 HttpReply HttpRoutes::reply_job(const Result<JobView>& job, int status) const {
-  return job ? json_reply(to_json(*job), status) : failure(job.error());
+  return job ? json_reply(to_json(*job), status) : failure(job.error(), status == 201 ? Unavailable() : kConflict);
 }
 
 HttpReply HttpRoutes::health(const HttpRequest&, const Captures&) {
   return json_reply({{"status", "ok"}, {"version", kVersion}, {"build_id", kBuildId}});
 }
+
+HttpReply HttpRoutes::openapi(const HttpRequest&, const Captures&) { return json_reply(openapi_document()); }
 
 tl::expected<std::string, HttpReply> HttpRoutes::json_body(const HttpRequest& request) const {
   const std::string type = request.header("content-type");
@@ -247,6 +262,7 @@ HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
   if (!submission) return failure(submission.error());
   if (auto refused = over_limits(*submission, request.caller)) return std::move(*refused);
   submission->idempotency_key = key;
+  submission->submitted_by = request.caller.name;
   const auto job = service_.submit(*submission);
   HttpReply reply = reply_job(job, 201);
   if (job) reply.headers.emplace_back("Location", "/v1/jobs/" + job->id);
@@ -254,30 +270,38 @@ HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
 }
 
 HttpReply HttpRoutes::list_jobs(const HttpRequest& request, const Captures&) {
-  const std::string state = request.param("state"), name = request.param("name");
-  std::vector<std::string_view> names;
-  for (const JobState s : kStates) names.push_back(to_string(s));
-  if (!state.empty() && std::ranges::find(names, state) == names.end()) {
-    std::string detail = fmt::format("state: no such state; expected one of {}", fmt::join(names, ", "));
-    if (const auto near = nearest_name(state, std::span<const std::string_view>(names))) {
-      detail += fmt::format("; did you mean {}?", *near);
+  JobFilter filter;
+  const std::string state = request.param("state"), limit = request.param("limit");
+  if (!state.empty()) {
+    filter.state = job_state_of(state);
+    if (!filter.state) {
+      std::vector<std::string_view> names;
+      for (const JobState s : all_job_states()) names.push_back(to_string(s));
+      std::string detail = fmt::format("state: no such state; expected one of {}", fmt::join(names, ", "));
+      if (const auto near = nearest_name(state, std::span<const std::string_view>(names))) {
+        detail += fmt::format("; did you mean {}?", *near);
+      }
+      return problem(400, "bad-request", detail);
     }
-    return problem(400, "bad-request", detail);
   }
+  if (!limit.empty()) {
+    const auto count = whole_number(limit);
+    if (!count || *count == 0 || *count > filter.limit) {
+      return problem(400, "bad-request", fmt::format("limit: expected 1 to {}", filter.limit));
+    }
+    filter.limit = *count;
+  }
+  filter.name = request.param("name");
+  filter.before = request.param("before");
+  const auto list = service_.list(filter);
+  if (!list) return failure(list.error());
   json jobs = json::array();
-  for (const JobView& job : service_.list()) {
-    if ((state.empty() || to_string(job.state) == state) && (name.empty() || job.name == name))
-      jobs.push_back(to_json(job));
-  }
-  return json_reply({{"jobs", std::move(jobs)}});
+  for (const JobView& job : list->jobs) jobs.push_back(to_json(job));
+  return json_reply({{"jobs", std::move(jobs)}, {"before", list->before.empty() ? json() : json(list->before)}});
 }
 
 HttpReply HttpRoutes::show_job(const HttpRequest&, const Captures& captures) {
   return reply_job(service_.show(captures[0]));
-}
-
-HttpReply HttpRoutes::cancel_job(const HttpRequest&, const Captures& captures) {
-  return reply_job(service_.cancel(captures[0]));
 }
 
 HttpReply HttpRoutes::events(const HttpRequest&, const Captures& captures) {
@@ -312,7 +336,7 @@ HttpReply HttpRoutes::logs(const HttpRequest& request, const Captures& captures)
 
 HttpReply HttpRoutes::preview(const HttpRequest&, const Captures& captures) {
   auto png = service_.preview_png(captures[0]);
-  if (!png) return failure(png.error(), true);
+  if (!png) return failure(png.error(), kNotYet);
   HttpReply reply;
   reply.content_type = "image/png";
   reply.headers.emplace_back("Cache-Control", "no-store");

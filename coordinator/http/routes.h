@@ -8,7 +8,10 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
+
+#include <nlohmann/json_fwd.hpp>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
@@ -21,6 +24,15 @@
 #include "coordinator/metrics.h"
 
 namespace pf {
+
+/// What kUnavailable means: that depends on what was asked.
+struct Unavailable {
+  int status = 503;
+  std::string_view type = "unavailable";
+};
+inline constexpr Unavailable kConflict{409, "conflict"};  ///< the job's state does not permit it
+inline constexpr Unavailable kNotYet{409, "not-yet"};
+inline constexpr Unavailable kExpired{410, "expired"};
 
 /// What each address of the API answers; the table is in coordinator/README.md. Called from many threads.
 class HttpRoutes {
@@ -41,6 +53,8 @@ class HttpRoutes {
                                                                 const Log& log, std::stop_token stop);
 
   [[nodiscard]] HttpReply answer(HttpRequest request);
+  /// Methods and patterns of all routes.
+  [[nodiscard]] static std::vector<std::pair<std::string, std::string>> addresses();
 
  private:
   /// The parts of a path that stand for `{}` in a route's pattern.
@@ -60,14 +74,25 @@ class HttpRoutes {
   [[nodiscard]] tl::expected<std::string, HttpReply> json_body(const HttpRequest& request) const;
   /// A reply for a job that this caller may not send: too large, or one too many.
   [[nodiscard]] std::optional<HttpReply> over_limits(const Submission& submission, const Caller& caller);
-  [[nodiscard]] HttpReply failure(const Error& error, bool artifact = false) const;
+  [[nodiscard]] HttpReply failure(const Error& error, const Unavailable& unavailable) const;
+  [[nodiscard]] HttpReply failure(const Error& error) const { return failure(error, Unavailable()); }
   [[nodiscard]] HttpReply reply_job(const Result<JobView>& job, int status = 200) const;
 
+  [[nodiscard]] HttpReply openapi(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply health(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply submit(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply validate(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_jobs(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply show_job(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply cancel_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply pause_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply resume_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply retry_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply extend_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply change_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply delete_job(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply units(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply convergence(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply events(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply logs(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply exr(const HttpRequest&, const Captures&);
@@ -78,6 +103,10 @@ class HttpRoutes {
                                    std::string_view type);
   [[nodiscard]] HttpReply preview(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_workers(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply drain_worker(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply disable_worker(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply enable_worker(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply steer_worker(const HttpRequest&, const Captures&, WorkerVerb verb);
   [[nodiscard]] HttpReply head_blob(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply get_blob(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply put_blob(const HttpRequest&, const Captures&);
@@ -100,6 +129,8 @@ class HttpRoutes {
   RateLimiter limiter_;
 };
 
+[[nodiscard]] HttpReply json_reply(const nlohmann::json& value, int status = 200);
+[[nodiscard]] std::optional<std::uint64_t> whole_number(std::string_view text);
 /// A reply that is a problem document.
 [[nodiscard]] HttpReply problem(int status, std::string_view type, std::string_view detail);
 

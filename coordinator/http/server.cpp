@@ -188,7 +188,7 @@ std::optional<HttpReply> refusal(const httplib::Request& request) {
   static constexpr std::array<std::string_view, 7> kMethods = {"GET",   "HEAD",   "POST",   "PUT",
                                                                "PATCH", "DELETE", "OPTIONS"};
   if (std::ranges::find(kMethods, request.method) == kMethods.end()) {
-    return problem(405, "method-not-allowed", "expected GET, HEAD, POST or PUT");
+    return problem(405, "method-not-allowed", "expected GET, HEAD, POST, PUT, PATCH or DELETE");
   }
   return std::nullopt;
 }

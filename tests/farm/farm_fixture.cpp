@@ -140,11 +140,13 @@ std::string FarmFaults::submit(const TestJob& job) {
   return submitted->at("id").get<std::string>();
 }
 
-nlohmann::json FarmFaults::show(const std::string& id) {
-  auto view = client().ask({.path = "/v1/jobs/" + id}, true);
-  if (!view) throw std::runtime_error(view.error().message);
-  return *view;
+nlohmann::json FarmFaults::ask(const std::string& path) {
+  auto answer = client().ask({.path = path}, true);
+  if (!answer) throw std::runtime_error(answer.error().message);
+  return *answer;
 }
+
+nlohmann::json FarmFaults::show(const std::string& id) { return ask("/v1/jobs/" + id); }
 
 bool FarmFaults::has_ended(const std::string& id) {
   const std::string state = show(id).value("state", "failed");
@@ -156,11 +158,7 @@ void FarmFaults::cancel(const std::string& id) {
   EXPECT_TRUE(answer) << answer.error().message;
 }
 
-nlohmann::json FarmFaults::farm_workers() {
-  const auto answer = client().ask({.path = "/v1/workers"}, true);
-  if (!answer) throw std::runtime_error(answer.error().message);
-  return answer->at("workers");
-}
+nlohmann::json FarmFaults::farm_workers() { return ask("/v1/workers").at("workers"); }
 
 std::string FarmFaults::job_log(const std::string& id) {
   const auto reply = client().call({.path = "/v1/jobs/" + id + "/logs?after=0"});

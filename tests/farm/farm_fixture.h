@@ -85,6 +85,8 @@ class FarmFaults : public ::testing::Test {
   [[nodiscard]] bool has_ended(const std::string& id);
   [[nodiscard]] int passes_done(const std::string& id) { return show(id).value("passes_done", 0); }
   void cancel(const std::string& id);
+  /// The JSON that a GET answers.
+  [[nodiscard]] nlohmann::json ask(const std::string& path);
   [[nodiscard]] nlohmann::json farm_workers();
   /// All texts of the job's log.
   [[nodiscard]] std::string job_log(const std::string& id);

@@ -194,7 +194,7 @@ TEST(Schedules, CancelKeepsTheImageSoFarAndLetsTheOthersGoOn) {
   const std::string first = world.submit(shared_job());
   const std::string second = world.submit(path_job());
   world.run_for(8);
-  ASSERT_TRUE(world.farm().cancel(first));
+  ASSERT_TRUE(world.farm().act(first, JobEvent::kCancel, "me"));
   EXPECT_EQ(world.farm().show(first)->state, JobState::kCancelled);
   EXPECT_TRUE(world.farm().artifact(first, Artifact::kExr));
   ASSERT_TRUE(world.run(kStuck));

@@ -160,9 +160,14 @@ void World::start_coordinator() {
   options.build_id = kBuild;
   options.ack_wait_seconds = kAckWait;
   options.incarnation = ++incarnation_;
+  options.retention = retention_;
   farm_ = std::make_unique<Farm>(options, *coordinator_door_, *blobs_, clock_,
                                  [this] { return static_cast<std::int64_t>(clock_.now() * 1000); }, log_);
-  static_cast<void>(farm_->restore());
+  if (!farm_->restore()) {
+    // Ends, and the supervisor tries again.
+    farm_.reset();
+    return at(clock_.now() + 1.0, [this] { start_coordinator(); });
+  }
   farm_->on_connected();
 }
 

@@ -54,6 +54,8 @@ class World {
   void lose_worker(const std::string& name);
   void lose_queue() { tasks_.clear(), task_ids_.clear(); }
   void fill_disk(bool full);
+  /// Of coordinators that start from now on.
+  void keep(const RetentionPolicy& policy) { retention_ = policy; }
   [[nodiscard]] const std::filesystem::path& state() const { return folder_.path(); }
 
  private:
@@ -107,6 +109,7 @@ class World {
   std::uint64_t incarnation_ = 1;
   std::uint64_t traced_ = 0;
   bool disk_full_ = false;
+  RetentionPolicy retention_;
 };
 
 /// Adds what the pretended algorithm finds in the sub-passes.

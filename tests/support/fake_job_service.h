@@ -31,23 +31,84 @@ class FakeJobService final : public JobService {
     changed();
     return job;
   }
-  std::vector<JobView> list() override {
+  Result<Validation> validate(const Submission& submission) override {
     const std::lock_guard lock(mutex_);
-    std::vector<JobView> all;
-    for (const auto& [id, job] : jobs_) all.push_back(job);
+    submissions.push_back(submission);
+    if (submit_error) return tl::unexpected(*submit_error);
+    return Validation{submission.spec_json, {"a warning"}};
+  }
+  Result<JobList> list(const JobFilter& filter) override {
+    const std::lock_guard lock(mutex_);
+    JobList all;
+    for (const auto& [id, job] : jobs_) {
+      if (filter.state && job.state != *filter.state) continue;
+      if (!filter.name.empty() && job.name != filter.name) continue;
+      if (!filter.before.empty() && id >= filter.before) continue;
+      all.jobs.push_back(job);
+    }
+    if (all.jobs.size() > filter.limit) all.jobs.erase(all.jobs.begin(), all.jobs.end() - static_cast<long>(filter.limit));
     return all;
   }
   Result<JobView> show(const std::string& id) override {
     const std::lock_guard lock(mutex_);
     return find(id);
   }
-  Result<JobView> cancel(const std::string& id) override {
+  Result<JobView> act(const std::string& id, JobEvent verb, const std::string& by) override {
     const std::lock_guard lock(mutex_);
     auto job = find(id);
     if (!job) return job;
-    if (!has_ended(jobs_[id].state)) jobs_[id].state = JobState::kCancelled;
+    const JobStep step = job_step(job->state, verb);
+    if (step.kind == JobStep::Kind::kRefused) return fail(ErrorKind::kUnavailable, why_refused(job->state, verb));
+    // What the farm does at once by itself is done here too.
+    if (step.kind == JobStep::Kind::kMoves) jobs_[id].state = step.to == JobState::kFinishing ? JobState::kCancelled : step.to;
+    jobs_[id].paused_by = jobs_[id].state == JobState::kPaused ? by : "";
+    acts.push_back(std::string(to_string(verb)) + " " + id + " by " + by);
     changed();
     return jobs_[id];
+  }
+  Result<JobView> extend(const std::string& id, const StopChange& stops, const std::string& by) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return job;
+    if (stops.passes) jobs_[id].passes_wanted = static_cast<std::uint64_t>(*stops.passes);
+    if (stops.seconds) jobs_[id].stop_seconds = *stops.seconds;
+    if (stops.error) jobs_[id].stop_error = *stops.error;
+    ++jobs_[id].extended;
+    acts.push_back("extend " + id + " by " + by);
+    changed();
+    return jobs_[id];
+  }
+  Result<JobView> change(const std::string& id, const JobChange& change, const std::string& by) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return job;
+    if (change.priority) jobs_[id].priority = *change.priority;
+    if (change.max_workers) jobs_[id].max_workers = *change.max_workers;
+    acts.push_back("change " + id + " by " + by);
+    changed();
+    return jobs_[id];
+  }
+  Result<void> remove(const std::string& id, const std::string& by) override {
+    const std::lock_guard lock(mutex_);
+    auto job = find(id);
+    if (!job) return tl::unexpected(job.error());
+    if (!has_ended(job->state)) return fail(ErrorKind::kUnavailable, why_refused(job->state, JobEvent::kDelete));
+    jobs_.erase(id);
+    acts.push_back("delete " + id + " by " + by);
+    changed();
+    return {};
+  }
+  Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    UnitPage page;
+    for (const UnitView& unit : all_units) {
+      if (!after || unit.first > *after) page.units.push_back(unit);
+    }
+    return page;
+  }
+  Result<std::vector<ConvergencePoint>> convergence(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    return points;
   }
   Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override {
     const std::lock_guard lock(mutex_);
@@ -72,6 +133,13 @@ class FakeJobService final : public JobService {
     return result;
   }
   std::vector<WorkerView> workers() override { return {worker}; }
+  Result<WorkerView> steer(const std::string& name, WorkerVerb verb, const std::string& by) override {
+    const std::lock_guard lock(mutex_);
+    if (name != worker.name) return fail(ErrorKind::kUsage, "no worker '" + name + "'");
+    worker.state = verb == WorkerVerb::kDrain ? "draining" : verb == WorkerVerb::kDisable ? "disabled" : "idle";
+    acts.push_back(worker.state + " " + name + " by " + by);
+    return worker;
+  }
   std::uint64_t wait_for_change(std::uint64_t version, double seconds) override {
     std::unique_lock lock(mutex_);
     ++waits_;
@@ -106,6 +174,9 @@ class FakeJobService final : public JobService {
   std::optional<Error> submit_error;
   std::map<Artifact, std::filesystem::path> artifacts;
   std::string preview;
+  std::vector<UnitView> all_units;
+  std::vector<ConvergencePoint> points;
+  std::vector<std::string> acts;  ///< verbs that were asked for, of whom, by whom
   WorkerView worker{"host-a-1", "host-a", 4711, "tracing", "", "glass-1a2b", 2, 1000, 7, 0.5};
   std::vector<Submission> submissions;
 

@@ -75,7 +75,7 @@ void Session::send_heartbeat() {
 }
 
 void Session::want_work() {
-  if (current_ || fetching_ || draining_ || !welcomed_ || finished_ || clock_.now() < paused_until_) return;
+  if (current_ || fetching_ || draining_ || told_to_idle_ || !welcomed_ || finished_ || clock_.now() < paused_until_) return;
   fetching_ = true;
   // With sums in hand that could go at once, only a task that is there already is of use.
   port_.fetch_task(held_ && outgoing_.empty() ? 0.0 : kFetchSeconds);
@@ -91,7 +91,10 @@ void Session::on_no_task() {
 
 bool Session::fits_held(const wire::Task& task) const {
   if (!held_) return true;
-  if (task.kind() != wire::Task::SUB_PASSES || held_->job != task.job_id() || held_->round_begin != task.round_begin()) return false;
+  if (task.kind() != wire::Task::SUB_PASSES || held_->job != task.job_id() || held_->run != task.run() ||
+      held_->round_begin != task.round_begin()) {
+    return false;
+  }
   // A coordinator that was restarted may cut otherwise: no sub-pass may be twice in a sum.
   const wire::Unit& unit = task.unit();
   return held_->units.size() < kMaxUnits && std::none_of(held_->units.begin(), held_->units.end(), [&](const wire::Unit& u) {
@@ -131,9 +134,9 @@ void Session::on_task(const Delivery& delivery) {
     }
     return want_work();
   }
-  if (draining_ || finished_ || current_) return port_.give_back(delivery.handle);
+  if (draining_ || told_to_idle_ || finished_ || current_) return port_.give_back(delivery.handle);
   // The engine hands a task out again when this process stood still for longer than AckWait.
-  if (ended_jobs_.contains(task->job_id())) {
+  if (const auto ended = ended_runs_.find(task->job_id()); ended != ended_runs_.end() && task->run() <= ended->second) {
     port_.acknowledge(delivery.handle);
     return want_work();
   }
@@ -167,7 +170,7 @@ void Session::begin_work() {
     work.kind = Work::Kind::kPrepare;
   } else {
     if (!held_) {
-      held_ = Held{task.job_id(), task.round_begin(), {}, {}, {}, 0.0, clock_.now()};
+      held_ = Held{task.job_id(), task.run(), task.round_begin(), {}, {}, {}, 0.0, clock_.now()};
       held_->sums = std::make_shared<Statistics>(static_cast<int>(task.width()), static_cast<int>(task.height()), false);
     }
     work.first_sub_pass = task.unit().first_sub_pass();
@@ -206,7 +209,7 @@ void Session::on_done(WorkDone done) {
     if (clock_.now() - held_->since >= hold_seconds()) flush();
   }
   send_heartbeat();
-  if (draining_) flush();
+  if (draining_ || told_to_idle_) flush();
   end_if_drained();
   want_work();
 }
@@ -244,22 +247,29 @@ void Session::on_welcome(const wire::Welcome& welcome) {
     return abandon();
   }
   if (welcome.ack_wait_seconds() > 0) ack_wait_ = welcome.ack_wait_seconds();
-  if (std::exchange(welcomed_, true)) return;
-  log_.info("joined the farm", {{"worker", options_.name}});
+  told_to_idle_ = welcome.idle();
+  if (!std::exchange(welcomed_, true)) log_.info("joined the farm", {{"worker", options_.name}});
+  if (told_to_idle_ && !current_) flush();
   want_work();
 }
 
-void Session::on_job_ended(const std::string& job) {
-  ended_jobs_.insert(job);
-  if (ended_jobs_.size() > kRememberedJobs) ended_jobs_.erase(ended_jobs_.begin());
+void Session::on_job_ended(const wire::JobEnded& ended) {
+  const std::string& job = ended.job_id();
+  const std::uint64_t run = ended.run();
+  ended_runs_[job] = std::max(ended_runs_[job], run);
+  if (ended_runs_.size() > kRememberedJobs) {
+    const auto first = ended_runs_.begin();
+    ended_runs_.erase(first->first == job ? std::next(first) : first);
+  }
   std::erase_if(outgoing_, [&](const Outgoing& outgoing) {
-    if (outgoing.manifest.job_id() != job) return false;
+    if (outgoing.manifest.job_id() != job || outgoing.run > run) return false;
     acknowledge(outgoing.handles);
     return true;
   });
   announce_first();
-  const bool working_on_it = current_ && current_->task.job_id() == job && current_->working;
-  if (held_ && held_->job == job) {
+  const bool have_it = current_ && current_->task.job_id() == job && current_->task.run() <= run;
+  const bool working_on_it = have_it && current_->working;
+  if (held_ && held_->job == job && held_->run <= run) {
     acknowledge(held_->handles);
     held_->handles.clear();
     held_->units.clear();
@@ -267,7 +277,7 @@ void Session::on_job_ended(const std::string& job) {
   }
   if (working_on_it) {
     current_->dropped = true;
-  } else if (current_ && current_->task.job_id() == job) {
+  } else if (have_it) {
     acknowledge(current_->handles);
     current_.reset();
     fetch_.reset();
@@ -287,7 +297,7 @@ void Session::on_message(std::string_view bytes) {
     case wire::ToWorker::kWelcome:
       return on_welcome(message->welcome());
     case wire::ToWorker::kJobEnded:
-      return on_job_ended(message->job_ended().job_id());
+      return on_job_ended(message->job_ended());
     default:
       return;
   }

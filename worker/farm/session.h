@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -53,6 +52,7 @@ class Session {
  private:
   struct Held {                          ///< traced units of one round, merged
     std::string job;
+    std::uint64_t run = 0;
     std::uint64_t round_begin = 0;
     std::vector<wire::Unit> units;
     std::vector<std::uint64_t> handles;
@@ -62,6 +62,7 @@ class Session {
   };
   struct Outgoing {                      ///< a result on its way to the coordinator
     wire::ResultManifest manifest;
+    std::uint64_t run = 0;
     std::vector<std::string> chunks;
     std::vector<std::uint64_t> handles;
     double started = 0;
@@ -86,7 +87,7 @@ class Session {
   void on_blob_part(const wire::BlobPart& part);
   void on_reply(const wire::ResultReply& reply);
   void on_welcome(const wire::Welcome& welcome);
-  void on_job_ended(const std::string& job);
+  void on_job_ended(const wire::JobEnded& ended);
   void begin_work();
   [[nodiscard]] Result<void> load_state(const wire::Task& task);
   [[nodiscard]] bool fits_held(const wire::Task& task) const;
@@ -118,9 +119,9 @@ class Session {
   std::map<std::string, JobSpec> bundles_;          ///< laid out already
   std::string state_hash_;                          ///< of state_radii_
   std::shared_ptr<const std::vector<ProgressivePixel>> state_radii_;
-  std::set<std::string> ended_jobs_;                ///< the latest few
+  std::map<std::string, std::uint64_t> ended_runs_; ///< of the latest few jobs
   std::optional<Error> fatal_;
-  bool welcomed_ = false, fetching_ = false, draining_ = false, finished_ = false;
+  bool welcomed_ = false, told_to_idle_ = false, fetching_ = false, draining_ = false, finished_ = false;
   std::uint64_t next_result_ = 1;
   double ack_wait_ = 30, last_in_progress_ = 0, last_heartbeat_ = 0, last_transfer_ = 0, drain_since_ = 0, paused_until_ = 0;
   std::uint64_t rays_ = 0, photon_paths_ = 0, sub_passes_ = 0;

@@ -45,6 +45,7 @@ bool Session::flush() {
   rays_ += held_->sums->rays;
   photon_paths_ += held_->sums->photon_paths;
   outgoing.chunks = std::move(packed.chunks);
+  outgoing.run = held_->run;
   outgoing.handles = std::move(held_->handles);
   held_.reset();
   send_result(std::move(outgoing));
@@ -67,6 +68,7 @@ void Session::send_prepared(const PreparedScene& prepared) {
   });
   if (!content) return fail_current(content.error(), false);
   m.set_content(to_wire(*content));
+  outgoing.run = current_->task.run();
   outgoing.handles = current_->handles;
   current_.reset();
   send_result(std::move(outgoing));

@@ -20,7 +20,7 @@ class SecondResult : public testing::Test {
     record.spec.image.width = record.spec.image.height = 1;
     record.spec.stop.passes = 8;
     record.bundle = {std::string(64, 'a'), 1};
-    auto job = FarmJob::create(record, folder_.path(), around_);
+    auto job = FarmJob::create(record, {}, folder_.path(), around_);
     ASSERT_TRUE(job) << job.error().message;
     job_ = std::move(*job);
     ASSERT_TRUE(job_->next_task(2));  // PREPARE
@@ -69,7 +69,8 @@ class SecondResult : public testing::Test {
   BlobStore blobs_ = std::move(*BlobStore::open(folder_ / "blobs", 0));
   std::string log_;
   Metrics metrics_;
-  JobSurroundings around_{blobs_, clock_, [] { return std::int64_t{1}; }, "build", 5.0,
+  JobStore store_ = std::move(*JobStore::open(folder_ / "farm.sqlite"));
+  JobSurroundings around_{store_, blobs_, clock_, [] { return std::int64_t{1}; }, "build", 5.0,
                           [](const std::string&, const BlobId&) { return false; },
                           [this](const std::string&, std::string_view level, std::string_view, std::string_view text) {
                             log_.append(level).append(": ").append(text).append("\n");

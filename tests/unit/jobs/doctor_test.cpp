@@ -75,11 +75,11 @@ TEST_F(Doctor, IsWellUnlessACheckIsBad) {
   const std::vector<Check> notes = {{"a", Health::kOk, "fine", ""},
                                     {"b", Health::kNote, "absent", "install it"}};
   EXPECT_TRUE(all_well(notes));
-  EXPECT_EQ(doctor_text(notes),
-            "ok    a             fine\n"
-            "note  b             absent\n"
-            "                    install it\n"
-            "This machine can render.\n");
+  EXPECT_EQ(doctor_text(notes, "Well.", "Unwell."),
+            "ok    a              fine\n"
+            "note  b              absent\n"
+            "                     install it\n"
+            "Well.\n");
   std::vector<Check> bad = notes;
   bad.push_back({"c", Health::kBad, "broken", "mend it"});
   EXPECT_FALSE(all_well(bad));

@@ -187,7 +187,7 @@ TEST_F(HttpRoutesTest, ShowsEveryFieldOfAJobAndNullForWhatIsUnknown) {
   EXPECT_EQ(job["seconds_left"], 30.0);
   EXPECT_TRUE(job["estimated_error"].is_null());
   EXPECT_EQ(job["warnings"].size(), 2U);
-  EXPECT_EQ(job.size(), 32U);
+  EXPECT_EQ(job.size(), 37U);
   const RawReply absent = get("/v1/jobs/other");
   EXPECT_EQ(absent.status, 404);
   EXPECT_EQ(problem(absent, "type"), "urn:photonfarm:problem:not-found");
