@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -24,11 +25,12 @@ namespace {
 using std::chrono::steady_clock;
 
 /// Between fork and exec: nothing here may allocate, for another thread may have held the allocator's lock.
-[[noreturn]] void become(char** argv, pid_t parent, int input, int output, int report) {
+[[noreturn]] void become(char** argv, pid_t parent, int input, int output, int report, const cpu_set_t& cpus) {
   sigset_t none;
   sigemptyset(&none);
   pthread_sigmask(SIG_SETMASK, &none, nullptr);
   setpgid(0, 0);
+  if (CPU_COUNT(&cpus) > 0) sched_setaffinity(0, sizeof cpus, &cpus);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   dup2(input, STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
@@ -82,9 +84,12 @@ Result<Child> Child::start(const ChildOptions& options) {
   std::array<int, 2> report{};
   if (pipe2(report.data(), O_CLOEXEC) != 0) return cannot_start(options.program, errno);
   const File report_in(report[0]);
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  for (const int cpu : options.cpus) CPU_SET(cpu, &cpus);
   const pid_t parent = getpid();
   const pid_t pid = fork();
-  if (pid == 0) become(argv.data(), parent, input.fd, output.fd, report[1]);
+  if (pid == 0) become(argv.data(), parent, input.fd, output.fd, report[1], cpus);
   const int fork_error = errno;
   close(report[1]);
   if (pid < 0) return cannot_start(options.program, fork_error);

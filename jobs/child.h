@@ -17,6 +17,7 @@ struct ChildOptions {
   std::filesystem::path program;
   std::vector<std::string> arguments;
   std::filesystem::path log;  ///< standard output and error are appended here; empty: they are dropped
+  std::vector<int> cpus = {};  ///< the only processors that it may run on; empty: those of this process
 };
 
 /// A program that runs beside this one, in a process group of its own (Ctrl-C at the terminal does not reach it). The kernel

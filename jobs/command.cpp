@@ -21,6 +21,8 @@ constexpr std::array kCommands = {
             run_plan_command},
     Command{"compare", "measure how far an image is from a reference", "photonfarm compare A.exr REF.exr",
             run_compare_command},
+    Command{"bench", "chart error against time, for methods and scenes", "photonfarm bench SUITE.toml --out DIR",
+            run_bench_command},
     Command{"farm", "run a farm: coordinator, workers and their engine", "photonfarm farm --workers 4",
             run_farm_command},
     Command{"submit", "send a job to a farm", "photonfarm submit JOB.toml --wait --out out", run_submit_command},

@@ -55,6 +55,7 @@ struct Command {
 [[nodiscard]] int run_render_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_plan_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_compare_command(const Context& context, const Arguments& arguments);
+[[nodiscard]] int run_bench_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_farm_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_doctor_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_submit_command(const Context& context, const Arguments& arguments);

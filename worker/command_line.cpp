@@ -26,6 +26,8 @@ struct Options {
   std::string out = "out";
   bool resume = false;
   bool json = false;
+  SnapshotPlan snapshots;
+  bool processor_time = false;
   // unit
   std::string checkpoint;
   std::vector<std::string> units;
@@ -46,8 +48,11 @@ int render(const WorkerContext& context, const Options& options) {
   const auto style = context.terminal ? ProgressReporter::Style::kBar : ProgressReporter::Style::kLines;
   ProgressReporter reporter(clock, context.err, style, context.columns);
   Progress last;
-  const RenderRequest request{*spec, options.out, options.resume, options.threads, context.interrupted};
-  auto result = render_job(request, clock, [&](const Progress& progress) { reporter.update(last = progress); });
+  const RenderRequest request{*spec, options.out, options.resume, options.threads, context.interrupted,
+                              options.snapshots};
+  const ProcessorClock processor;
+  const Clock& counted = options.processor_time ? static_cast<const Clock&>(processor) : clock;
+  auto result = render_job(request, counted, [&](const Progress& progress) { reporter.update(last = progress); });
   reporter.finish(last);
   if (!result) return report_error(context, result.error());
   for (const std::string& warning : result->warnings) context.err << "warning: " << warning << '\n';
@@ -133,6 +138,16 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
   render_command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
   render_command.add_option("--out", options.out, "folder for <job name>.exr, .png and .json")->capture_default_str();
   render_command.add_flag("--resume", options.resume, "go on from the checkpoint in --out, to the same bits");
+  render_command
+      .add_option("--snapshot-seconds", options.snapshots.seconds,
+                  "also write <job name>.snapshot-<n>.exr as stop.seconds of each of these, ascending, would have left it")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber);
+  render_command.add_option("--snapshot-passes", options.snapshots.passes, "the same for stop.passes")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber);
+  render_command.add_flag("--processor-time", options.processor_time,
+                          "count seconds of processor time: for measuring on a machine that does other work");
   render_command.footer("Examples:\n  photonfarm render jobs/glass-caustic.toml --out out\n"
                         "  photonfarm render job.toml --set stop.passes=256 --set integrator.type=\\\"path\\\"\n"
                         "  photonfarm render job.toml --resume --set stop.passes=512");

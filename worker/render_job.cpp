@@ -46,6 +46,7 @@ class Rendering {
         progress_(progress),
         paths_(request.out, job.spec.job.name),
         film_(job.integrator->film_options()),
+        snapshots_(request.snapshots, request.out, job.spec.job.name, clock),
         start_(clock.now() - job.load_seconds),
         last_checkpoint_(clock.now()) {}
 
@@ -62,9 +63,11 @@ class Rendering {
         return fail(ErrorKind::kInternal, overflow_message(job_.spec.job.name, film_.sums().faults.overflow));
       }
       report();
+      if (auto taken = take_snapshot(first, false); !taken) return tl::unexpected(taken.error());
       if (request_.interrupted != nullptr && request_.interrupted->load()) return interrupted();
       if (auto saved = save_if_due(); !saved) return tl::unexpected(saved.error());
     }
+    if (auto taken = take_snapshot(first, true); !taken) return tl::unexpected(taken.error());
     return write();
   }
 
@@ -95,9 +98,22 @@ class Rendering {
     if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error) return true;
     if (stop.memory > 0 && done > 0 && peak_resident_bytes() > static_cast<std::uint64_t>(stop.memory) << 20) return true;
     if (stop.seconds <= 0 || done == 0) return false;
+    if (snapshots_.wanted() && !Snapshots::whole(film_)) return false;  // it could not be judged
+    return seconds_after_next(done_here) > stop.seconds;
+  }
+  /// When one more sub-pass would be done and the image written.
+  [[nodiscard]] double seconds_after_next(std::uint64_t done_here) const {
     const double now = clock_.now();
     const double sub_pass = done_here > 0 ? (now - render_start_) / static_cast<double>(done_here) : 0.0;
-    return now - start_ + sub_pass + write_reserve() > stop.seconds;
+    return now - start_ + sub_pass + write_reserve();
+  }
+  Result<void> take_snapshot(std::uint64_t first, bool last) {
+    if (!snapshots_.wanted()) return {};
+    auto spent = snapshots_.take(film_, clock_.now() - start_, seconds_after_next(film_.sub_passes() - first), last);
+    if (!spent) return tl::unexpected(spent.error());
+    start_ += *spent;
+    render_start_ += *spent;
+    return {};
   }
   /// Seconds kept back for writing the image: about 40 ns a pixel for EXR, PNG and the last update.
   [[nodiscard]] double write_reserve() const { return 4e-7 * static_cast<double>(film_.sums().pixels.size()); }
@@ -135,6 +151,7 @@ class Rendering {
     result.load_seconds = job_.load_seconds;
     result.prepare_seconds = prepare_seconds_;
     result.warnings = job_.warnings();
+    result.snapshots = snapshots_.taken();
     const ResultLabels labels{.name = job_.spec.job.name,
                               .exposure = static_cast<float>(job_.spec.image.exposure),
                               .spec_hash = image_hash_of_spec(job_.spec),
@@ -160,6 +177,7 @@ class Rendering {
   const std::function<void(const Progress&)>& progress_;
   OutputPaths paths_;
   Film film_;
+  Snapshots snapshots_;
   double start_;
   double render_start_ = 0;
   double prepare_seconds_ = 0;  ///< first radii, or reading a checkpoint

@@ -15,6 +15,7 @@
 #include "worker/plan/plan.h"
 #include "worker/progress.h"
 #include "worker/scene/scene.h"
+#include "worker/snapshots.h"
 
 namespace pf {
 
@@ -40,6 +41,7 @@ struct RenderRequest {
   bool resume = false;
   int threads = 0;                              ///< 0: all of the machine
   const std::atomic<bool>* interrupted = nullptr;
+  SnapshotPlan snapshots = {};                  ///< images written on the way, for photonfarm bench
 };
 
 /// Renders a job on this machine: rounds of sub-passes until the first stop condition, checkpoints on the way, then

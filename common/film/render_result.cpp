@@ -77,6 +77,18 @@ std::string result_json(const std::string& name, const RenderResult& r) {
       {"warnings", r.warnings},
       {"build_id", kBuildId}};
   json["estimated_error"] = std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json(nullptr);
+  for (const RenderSnapshot& s : r.snapshots) {
+    json["snapshots"].push_back({{"exr", s.exr.string()},
+                                 {"budget", s.budget},
+                                 {"seconds", s.seconds},
+                                 {"cpu_seconds", s.cpu_seconds},
+                                 {"passes", s.passes},
+                                 {"rounds", s.rounds},
+                                 {"photon_paths", s.photon_paths},
+                                 {"photons_stored", s.photons_stored},
+                                 {"rays", s.rays},
+                                 {"peak_bytes", s.peak_bytes}});
+  }
   return json.dump(2) + "\n";
 }
 
