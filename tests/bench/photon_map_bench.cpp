@@ -55,7 +55,8 @@ std::vector<Vec3f> query_points(bool coherent) {
 
 /// Estimates of irradiance from the 50 nearest photons, a second of this thread's CPU time.
 void estimate_irradiance(benchmark::State& state) {
-  const PhotonMap& map = floor_map();
+  PhotonMap map = floor_map();
+  if (state.range(2) == 256) map.use_isa(PhotonTree::Isa::kAvx2);
   const std::vector<Vec3f> points = query_points(state.range(0) != 0);
   const MapFilter filter(static_cast<PhotonFilter>(state.range(1)));
   NearestPhotons found;
@@ -73,11 +74,12 @@ void estimate_irradiance(benchmark::State& state) {
   state.counters["mean/expected"] = static_cast<double>(sum.x) / (estimates * kPhotons);
 }
 BENCHMARK(estimate_irradiance)
-    ->ArgNames({"in_order", "filter"})
-    ->Args({1, 0})
-    ->Args({1, 1})
-    ->Args({1, 2})
-    ->Args({0, 0})
+    ->ArgNames({"in_order", "filter", "bits"})
+    ->Args({1, 0, 512})
+    ->Args({1, 1, 512})
+    ->Args({1, 2, 512})
+    ->Args({0, 0, 512})
+    ->Args({1, 0, 256})
     ->Unit(benchmark::kMillisecond);
 
 void find_nearest_one(benchmark::State& state) {
@@ -103,14 +105,16 @@ void build_map(benchmark::State& state) {
   PhotonBatch batch = tracer.trace(0);
   batch.flows[kIndirect].resize(std::min<std::size_t>(kPhotons, batch.flows[kIndirect].size()));
   const PhotonArrays* flows[] = {&batch.flows[kIndirect]};
-  std::size_t bytes = 0;
+  std::size_t bytes = 0, search_bytes = 0;
   for (auto _ : state) {
     const PhotonMap map(flows);
     bytes = map.bytes();
+    search_bytes = map.search_bytes();
   }
   const double millions = 1e-6 * static_cast<double>(flows[0]->size());
   state.counters["Mphotons"] = millions;
   state.counters["MB/Mphotons"] = 1e-6 * static_cast<double>(bytes) / millions;
+  state.counters["search_MB/Mphotons"] = 1e-6 * static_cast<double>(search_bytes) / millions;
   state.counters["s/Mphotons"] = benchmark::Counter(
       millions, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }

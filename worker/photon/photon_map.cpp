@@ -124,9 +124,7 @@ PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
       photons_[node] = make_stored(*flows[f], number - starts[f], number, axes[node]);
     }
   });
-  constexpr std::size_t kLastLevels = 4;
-  first_root_ =
-      static_cast<std::uint32_t>(std::max<std::size_t>(1, std::bit_floor(count_) >> (kLastLevels - 1)));
+  bricks_ = MapBricks(photons_);
 }
 
 }  // namespace pf

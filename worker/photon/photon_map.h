@@ -7,6 +7,7 @@
 
 #include "common/math/vec.h"
 #include "worker/photon/photon.h"
+#include "worker/photon/photon_map_bricks.h"
 #include "worker/photon/photon_map_record.h"
 #include "worker/photon/photon_tree.h"
 
@@ -54,6 +55,8 @@ class PhotonMap {
     return std::span(photons_).subspan(empty() ? 0 : 1);
   }
   [[nodiscard]] std::size_t bytes() const { return photons_.size() * sizeof(StoredPhoton); }
+  /// What queries need besides.
+  [[nodiscard]] std::size_t search_bytes() const { return bricks_.bytes(); }
 
   /// The photons of an answer, always in the same order.
   void nearest(const NearestQuery& query, NearestPhotons& found) const;
@@ -62,13 +65,14 @@ class PhotonMap {
   /// Whether the query accepts the photon within its maximum distance, and how far away it then is: what
   /// searching must find. Infinite where it is on another surface.
   [[nodiscard]] float distance2(const NearestQuery& query, std::uint32_t index) const;
+  /// For tests and benches to compare: results are the same to the bit.
+  void use_isa(PhotonTree::Isa isa) { isa_ = isa; }
 
  private:
-  friend class MapWalk;
   std::vector<StoredPhoton> photons_;  ///< [0] is not used
   std::size_t count_ = 0;
-  std::uint32_t first_root_ =
-      1;  ///< nodes from here on head the last levels, which are searched as one (MapWalk)
+  MapBricks bricks_;
+  PhotonTree::Isa isa_ = PhotonTree::best_isa();
 };
 
 }  // namespace pf

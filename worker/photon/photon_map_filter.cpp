@@ -13,17 +13,36 @@ constexpr float kConeScale = 1.0f / (1.0f - 2.0f / (3.0f * kCone));
 constexpr double kGaussianAlpha = 0.918, kGaussianBeta = 1.953;  ///< a and b
 
 /// w = a - a (1 - e^(-b u^2/2)) / (1 - e^-b) = constant + factor * e^(-b u^2/2), divided by its mean over the
-/// disc, constant + factor * (1 - e^(-b/2)) / (b/2).
-struct Gaussian {
-  float constant, factor;
-  Gaussian() {
+/// disc, constant + factor * (1 - e^(-b/2)) / (b/2): as a polynomial of u^2 around the middle of [0, 1],
+/// whose terms fall so fast that the first left out is below 1e-8 of the sum.
+class GaussianPolynomial {
+ public:
+  GaussianPolynomial() {
     const double share = 1.0 / (1.0 - std::exp(-kGaussianBeta));
     const double c = kGaussianAlpha * (1.0 - share), f = kGaussianAlpha * share;
     const double mean = c + f * (1.0 - std::exp(-0.5 * kGaussianBeta)) / (0.5 * kGaussianBeta);
-    constant = static_cast<float>(c / mean);
-    factor = static_cast<float>(f / mean);
+    double term = f / mean * std::exp(-0.25 * kGaussianBeta);
+    for (std::size_t power = 0; power < terms_.size(); ++power) {
+      terms_[power] = static_cast<float>(term + (power == 0 ? c / mean : 0.0));
+      term *= -0.5 * kGaussianBeta / static_cast<double>(power + 1);
+    }
   }
+  [[nodiscard]] __m256 operator()(__m256 u2) const {
+    const __m256 x = _mm256_sub_ps(u2, _mm256_set1_ps(0.5f));
+    __m256 sum = _mm256_set1_ps(terms_.back());
+    for (std::size_t power = terms_.size() - 1; power-- > 0;)
+      sum = _mm256_add_ps(_mm256_mul_ps(sum, x), _mm256_set1_ps(terms_[power]));
+    return sum;
+  }
+
+ private:
+  std::array<float, 8> terms_;
 };
+
+const GaussianPolynomial& gaussian() {
+  static const GaussianPolynomial polynomial;
+  return polynomial;
+}
 
 /// Sum of weight(u2) * flux over all photons found, eight at a time: lanes are added up in a fixed order.
 template <typename Weight>
@@ -74,8 +93,7 @@ float MapFilter::weight(float u2) const {
     case PhotonFilter::kGaussian:
       break;
   }
-  static const Gaussian gaussian;
-  return gaussian.constant + gaussian.factor * std::exp(static_cast<float>(-0.5 * kGaussianBeta) * u2);
+  return _mm256_cvtss_f32(gaussian()(_mm256_set1_ps(u2)));
 }
 
 Rgb MapFilter::irradiance(const PhotonMap& map, const NearestPhotons& found) const {
@@ -90,12 +108,7 @@ Rgb MapFilter::irradiance(const PhotonMap& map, const NearestPhotons& found) con
     case PhotonFilter::kGaussian:
       break;
   }
-  return weighted_flux(map, found, [this](__m256 u2) {
-    alignas(32) std::array<float, 8> lanes;
-    _mm256_store_ps(lanes.data(), u2);
-    for (float& value : lanes) value = weight(value);
-    return _mm256_load_ps(lanes.data());
-  });
+  return weighted_flux(map, found, gaussian());
 }
 
 }  // namespace pf

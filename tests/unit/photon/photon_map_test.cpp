@@ -12,6 +12,7 @@
 #include "common/math/philox.h"
 #include "common/math/sampling.h"
 #include "tests/support/statistics.h"
+#include "worker/photon/photon_map_filter.h"
 
 namespace pf {
 namespace {
@@ -102,6 +103,28 @@ TEST_P(PhotonMapOfSize, FindsTheNearestOne) {
     if (found != 0) {
       ASSERT_EQ(map.distance2(q, found), least) << i;
     }
+  }
+}
+
+TEST_P(PhotonMapOfSize, AnswersAreTheSameBitsWhateverTheVectorCodeAndTheQueriesBefore) {
+  if (PhotonTree::best_isa() != PhotonTree::Isa::kAvx512) GTEST_SKIP() << "one kind of vector code";
+  const PhotonMap wide = map_of(some_photons(GetParam()));
+  PhotonMap narrow = wide;
+  narrow.use_isa(PhotonTree::Isa::kAvx2);
+  PathRng rng(6, Stream::kTest, 0, 1);
+  NearestPhotons after_others;
+  for (int i = 0; i < 200; ++i) {
+    const NearestQuery q = some_query(rng, i);
+    NearestPhotons fresh;
+    wide.nearest(q, fresh);
+    narrow.nearest(q, after_others);
+    ASSERT_EQ(fresh.count, after_others.count) << i;
+    ASSERT_EQ(fresh.radius2, after_others.radius2) << i;
+    for (std::size_t p = 0; p < fresh.count; ++p) {
+      ASSERT_EQ(fresh.index[p], after_others.index[p]) << i;
+      ASSERT_EQ(fresh.distance2[p], after_others.distance2[p]) << i;
+    }
+    ASSERT_EQ(wide.nearest_one(q), narrow.nearest_one(q)) << i;
   }
 }
 
@@ -201,6 +224,57 @@ TEST(PhotonMapRecord, TheMeanOfEqualFluxesIsExact) {
     for (std::size_t c = 0; c < 3; ++c) {
       const double expected = static_cast<double>(flux[static_cast<int>(c)]);
       EXPECT_TRUE(test::agrees(test::estimate(kept[c]), expected, 1e-5));
+    }
+  }
+}
+
+// 2 * integral of f(u) u du = 1 over the disc, of each filter; by f at squared distance u2: integral of f du2
+// = 1.
+TEST(MapFilter, EachIntegratesToOneOverTheDisc) {
+  for (const PhotonFilter kind : {PhotonFilter::kDisc, PhotonFilter::kCone, PhotonFilter::kGaussian}) {
+    const MapFilter filter(kind);
+    constexpr int kSteps = 20000;
+    double sum = 0.0;
+    float before = filter.weight(0.0f);
+    for (int i = 0; i < kSteps; ++i) {
+      const float weight = filter.weight((static_cast<float>(i) + 0.5f) / kSteps);
+      EXPECT_GE(weight, 0.0f);
+      EXPECT_LE(weight, before + 1e-6f) << "not falling outwards";
+      before = weight;
+      sum += static_cast<double>(weight) / kSteps;
+    }
+    EXPECT_NEAR(sum, 1.0, 1e-5) << static_cast<int>(kind);
+  }
+}
+
+// [Jensen 2001, (7.8) and (7.9)]: the shapes, against a formula written out anew.
+TEST(MapFilter, HasThePapersShapes) {
+  const MapFilter cone(PhotonFilter::kCone), gaussian(PhotonFilter::kGaussian);
+  const auto pavicic = [](double u2) {
+    return 0.918 * (1.0 - (1.0 - std::exp(-1.953 * u2 / 2.0)) / (1.0 - std::exp(-1.953)));
+  };
+  for (const double u2 : {0.0, 0.1, 0.37, 0.5, 0.81, 1.0}) {
+    const double u = std::sqrt(u2);
+    EXPECT_NEAR(static_cast<double>(cone.weight(static_cast<float>(u2)) / cone.weight(0.0f)), 1.0 - u / 1.1,
+                1e-6);
+    EXPECT_NEAR(static_cast<double>(gaussian.weight(static_cast<float>(u2)) / gaussian.weight(0.0f)),
+                pavicic(u2) / pavicic(0.0), 1e-6);
+  }
+}
+
+TEST(MapFilter, IrradianceInLanesIsTheSumOneByOne) {
+  const PhotonMap map = map_of(some_photons(3000));
+  PathRng rng(12, Stream::kTest, 0, 1);
+  NearestPhotons found;
+  for (const PhotonFilter kind : {PhotonFilter::kDisc, PhotonFilter::kCone, PhotonFilter::kGaussian}) {
+    const MapFilter filter(kind);
+    for (int i = 0; i < 100; ++i) {
+      NearestQuery q = some_query(rng, i);
+      if (std::isinf(q.max_distance2)) q.max_distance2 = 0.04f;
+      map.nearest(q, found);
+      const Rgb lanes = filter.irradiance(map, found);
+      const Rgb one_by_one = filter.scattered(map, found, [](const Vec3f&) { return Rgb{1, 1, 1}; });
+      for (int c = 0; c < 3; ++c) ASSERT_NEAR(lanes[c], one_by_one[c], 1e-4f * (1.0f + one_by_one[c])) << i;
     }
   }
 }
