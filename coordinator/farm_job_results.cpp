@@ -73,9 +73,12 @@ bool FarmJob::figures_are_plausible(const wire::ResultManifest& manifest) const 
   if (!std::isfinite(manifest.trace_seconds()) || manifest.trace_seconds() < 0) return false;
   if (manifest.kind() == wire::Task::PREPARE) return true;
   const std::uint64_t paths = sub_passes_of(manifest) * static_cast<std::uint64_t>(record_.spec.integrator.photons);
-  // Methods whose radiance is a plain mean trace no photons in a sub-pass, or, splatting them, as many as the others.
-  const bool none = film_->options().estimator == Estimator::kPath && manifest.photon_paths() == 0;
-  return none || manifest.photon_paths() == paths;
+  // Methods whose radiance is a plain mean trace none in a sub-pass, or as many as the others, or those of their maps before the
+  // first.
+  if (film_->options().estimator != Estimator::kPath) return manifest.photon_paths() == paths;
+  const JobSpec& spec = record_.spec;
+  const auto of_maps = static_cast<std::uint64_t>(spec.integrator.photons + spec.photon_map.caustic_photons);
+  return manifest.photon_paths() <= std::max(paths, of_maps);
 }
 
 void FarmJob::compare_with_first(const std::string& worker, const wire::ResultManifest& manifest) {

@@ -229,12 +229,18 @@ Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   auto hash = hash_scene(spec.folder / spec.scene.file, *description);
   if (!hash) return tl::unexpected(hash.error());
   job.scene_hash = std::move(*hash);
+  std::vector<ScenePart> parts;
+  if (job.plan.algorithm == IntegratorType::kIrradianceCache && !spec.cache.file.empty()) {
+    auto told_apart = scene_parts(*description);
+    if (!told_apart) return tl::unexpected(told_apart.error());
+    parts = std::move(*told_apart);
+  }
   auto scene = Scene::build(std::move(*description));
   if (!scene) return tl::unexpected(scene.error());
   job.scene = std::move(*scene);
   auto camera = choose_camera(*job.scene, spec.scene.camera);
   if (!camera) return tl::unexpected(camera.error());
-  job.integrator = make_integrator(job.plan.algorithm, *job.scene, **camera, spec);
+  job.integrator = make_integrator(job.plan.algorithm, *job.scene, **camera, spec, std::move(parts));
   job.load_seconds = clock.now() - start;
   return job;
 }

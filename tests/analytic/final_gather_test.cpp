@@ -23,10 +23,7 @@ JobSpec gather_job(int width, int height, std::int64_t photons, int rays, double
 }
 
 TEST(FinalGatherFurnace, IsUniformInEveryPixel) {
-  SceneMaker maker;
-  maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);
-  maker.camera({0.2f, 0.1f, 0.15f}, {-0.5f, -0.5f, -0.5f}, 1.6f);
-  const auto scene = maker.build();
+  const auto scene = furnace_box().build();
   struct Choice {
     bool precompute;
     double error;
@@ -42,10 +39,7 @@ TEST(FinalGatherFurnace, IsUniformInEveryPixel) {
 }
 
 TEST(FinalGatherFurnace, IsCutAfterTheDepthThatTheJobAsksFor) {
-  SceneMaker maker;
-  maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);
-  maker.camera({0.2f, 0.1f, 0.15f}, {-0.5f, -0.5f, -0.5f}, 1.6f);
-  const auto scene = maker.build();
+  const auto scene = furnace_box().build();
   for (const int depth : {1, 2, 4}) {
     JobSpec spec = gather_job(4, 4, 6000, 32, 0.0);
     spec.integrator.max_depth = depth;

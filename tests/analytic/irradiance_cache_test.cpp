@@ -64,10 +64,7 @@ TEST(IrradianceCaching, GivesAFurnaceItsRadianceInEveryPixel) {
 }
 
 TEST(IrradianceCaching, IsCutAfterTheDepthThatTheJobAsksFor) {
-  SceneMaker maker;
-  maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);
-  maker.camera({0.2f, 0.1f, 0.15f}, {-0.5f, -0.5f, -0.5f}, 1.6f);
-  const auto scene = maker.build();
+  const auto scene = furnace_box().build();
   for (const int depth : {1, 2, 4}) {
     JobSpec spec = cached(6, 6, 0.15, 64);
     spec.integrator.max_depth = depth;

@@ -20,18 +20,10 @@ JobSpec splat_job(int width, int height, std::int64_t photons, double smoothing 
   return spec;
 }
 
-/// A furnace seen into a corner: walls of radiance 1 and albedo 1/2.
-std::unique_ptr<const Scene> furnace_box() {
-  SceneMaker maker;
-  maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);
-  maker.camera({0.2f, 0.1f, 0.15f}, {-0.5f, -0.5f, -0.5f}, 1.6f);
-  return maker.build();
-}
-
 TEST(PhotonSplatFurnace, ABoxIsUniformButForTheFootOfItsWalls) {
   JobSpec spec = splat_job(12, 12, 20000);
   spec.integrator.max_depth = 0;
-  const Renders renders(*furnace_box(), spec, 2, 10);
+  const Renders renders(*furnace_box().build(), spec, 2, 10);
   // Of the disc across a ray, a part lies inside the wall near its foot: light is missing there.
   constexpr double kFoot = 0.01, kCorner = 0.08;
   EXPECT_TRUE(agrees(renders.mean(), 2.0, kFoot * 2.0));
@@ -39,7 +31,7 @@ TEST(PhotonSplatFurnace, ABoxIsUniformButForTheFootOfItsWalls) {
 }
 
 TEST(PhotonSplatFurnace, ItsBiasFallsWithTheSmoothing) {
-  const auto scene = furnace_box();
+  const auto scene = furnace_box().build();
   std::vector<double> bias;
   for (const double smoothing : {4.0, 2.0, 1.0}) {
     JobSpec spec = splat_job(16, 16, 5000, smoothing);

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 constexpr int kEdge = 8;                ///< pixels
 constexpr std::int64_t kPhotons = 200;  ///< paths of a sub-pass
 constexpr int kNearest = 8, kGatherRays = 16;
-constexpr double kSlowSeconds = 3.0;    ///< a file that takes longer is printed
+constexpr double kSlowSeconds = 3.0;  ///< a file that takes longer is printed
 
 fs::path scenes_folder() { return fs::path(PF_SHARED_DIR) / "scenes"; }
 
@@ -76,8 +76,8 @@ JobSpec job_for(const fs::path& file, IntegratorType type) {
   return spec;
 }
 
-/// What is wrong with an image that may hold nothing but finite numbers, of which only normals and the bias may be
-/// negative; empty when all is well.
+/// What is wrong with an image that may hold nothing but finite numbers, of which only normals and the bias
+/// may be negative; empty when all is well.
 std::string fault_of(const LayeredImage& image) {
   for (const Layer& layer : image.layers) {
     const bool is_signed = layer.name == "normal" || layer.name == "error";
@@ -102,7 +102,8 @@ std::string fault_of_renders(const LoadedJob& loaded, std::span<const Integrator
   for (const IntegratorType type : methods) {
     JobSpec spec = loaded.spec;
     spec.integrator.type = type;
-    // All map methods share the code; finding the cells of the environment's views takes longer than such a small render.
+    // All map methods share the code; finding the cells of the environment's views takes longer than such a
+    // small render.
     if (type != IntegratorType::kPhotonMap) spec.photon_map.projection_map = Switch::kOff;
     const Film film = render(*loaded.scene, spec, 2);
     const Faults& faults = film.sums().faults;

@@ -217,6 +217,21 @@ SceneMaker diffuse_box() {
   return maker;
 }
 
+SceneMaker furnace_box() {
+  SceneMaker maker;
+  maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);
+  maker.camera({0.2f, 0.1f, 0.15f}, {-0.5f, -0.5f, -0.5f}, 1.6f);
+  return maker;
+}
+
+SceneMaker corner_room() {
+  SceneMaker maker;
+  maker.box({-1, -1, -1}, {1, 1, 1}, maker.lambert({0.6f, 0.6f, 0.6f}), true);
+  maker.point_light({0.5f, 0.4f, 0.5f}, 3.0f);
+  maker.camera({0.6f, 0, 0.6f}, {-1, 0, -1}, 0.6f);
+  return maker;
+}
+
 JobSpec job(int width, int height, IntegratorType type, std::int64_t photons) {
   JobSpec spec;
   spec.job.name = "test";

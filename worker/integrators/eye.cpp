@@ -1,6 +1,6 @@
 #include "worker/integrators/eye.h"
 
-#include <atomic>
+#include <mutex>
 
 #include "common/base/parallel.h"
 
@@ -69,6 +69,14 @@ void Tally::commit() {
   static_cast<void>(add_quantised(sums_.square, l * l, scale_.square));
 }
 
+TileFigures& TileFigures::operator+=(const TileFigures& o) {
+  rays += o.rays;
+  photon_paths += o.photon_paths;
+  photons_stored += o.photons_stored;
+  faults += o.faults;
+  return *this;
+}
+
 void for_each_tile(int width, int height, Statistics& total,
                    const std::function<void(const Tile& tile, TileFigures& figures)>& visit) {
   for_each_tile(Tile{0, 0, width, height}, total, visit);
@@ -78,21 +86,21 @@ void for_each_tile(const Tile& region, Statistics& total,
                    const std::function<void(const Tile& tile, TileFigures& figures)>& visit) {
   const int columns = (region.x1 - region.x0 + kTileEdge - 1) / kTileEdge;
   const int rows = (region.y1 - region.y0 + kTileEdge - 1) / kTileEdge;
-  std::atomic<std::uint64_t> rays{0};
-  std::atomic<std::uint64_t> not_finite{0};
-  std::atomic<std::uint64_t> overflow{0};
+  std::mutex adding;
+  TileFigures all;
   parallel_for(static_cast<std::size_t>(columns * rows), [&](std::size_t tile) {
     const int index = static_cast<int>(tile);
     TileFigures figures;
     const int x0 = region.x0 + index % columns * kTileEdge;
     const int y0 = region.y0 + index / columns * kTileEdge;
     visit({x0, y0, std::min(region.x1, x0 + kTileEdge), std::min(region.y1, y0 + kTileEdge)}, figures);
-    rays += figures.rays;
-    not_finite += figures.faults.not_finite;
-    overflow += figures.faults.overflow;
+    const std::lock_guard lock(adding);
+    all += figures;
   });
-  total.rays += rays;
-  total.faults += Faults{not_finite, overflow};
+  total.rays += all.rays;
+  total.photon_paths += all.photon_paths;
+  total.photons_stored += all.photons_stored;
+  total.faults += all.faults;
 }
 
 void for_each_pixel(int width, int height, Statistics& total,

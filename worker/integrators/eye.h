@@ -83,7 +83,9 @@ class Tally {
 /// Figures of one tile; the sheets are added up (integers: no order).
 struct TileFigures {
   std::uint64_t rays = 0;
+  std::uint64_t photon_paths = 0, photons_stored = 0;
   Faults faults;
+  TileFigures& operator+=(const TileFigures& o);
 };
 struct Tile {
   int x0, y0, x1, y1;   ///< the last ones are outside

@@ -1,5 +1,7 @@
 #include "worker/integrators/factory.h"
 
+#include <utility>
+
 #include "worker/integrators/final_gather.h"
 #include "worker/integrators/irradiance_cache.h"
 #include "worker/integrators/path.h"
@@ -11,7 +13,7 @@
 namespace pf {
 
 std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Scene& scene, const Camera& camera,
-                                                  const JobSpec& spec) {
+                                                  const JobSpec& spec, std::vector<ScenePart> parts) {
   switch (type) {
     case IntegratorType::kPath:
       return std::make_unique<PathIntegrator>(scene, camera, spec);
@@ -20,7 +22,7 @@ std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Sce
     case IntegratorType::kFinalGather:
       return std::make_unique<FinalGatherIntegrator>(scene, camera, spec);
     case IntegratorType::kIrradianceCache:
-      return std::make_unique<IrradianceCacheIntegrator>(scene, camera, spec);
+      return std::make_unique<IrradianceCacheIntegrator>(scene, camera, spec, std::move(parts));
     case IntegratorType::kPhotonSplat:
       return std::make_unique<PhotonSplatIntegrator>(scene, camera, spec);
     case IntegratorType::kPpm:

@@ -26,8 +26,7 @@ FinalGatherIntegrator::FinalGatherIntegrator(const Scene& scene, const Camera& c
   const PhotonArrays* flows[] = {&caustics.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, caustics.flux_unit, caustic_options(spec));
   photon_figures_ = map_.figures();
-  photon_figures_.rays += caustics.batch.rays;
-  photon_figures_.faults += caustics.batch.faults;
+  photon_figures_ += caustics.figures();
 }
 
 void FinalGatherIntegrator::prepare(const ImagePart& part) const {
@@ -90,15 +89,10 @@ struct FinalGatherIntegrator::Gather {
 
 void FinalGatherIntegrator::render(const PixelTarget& target) const {
   if (target.sample == 0) {
-    if (target.x == 0 && target.y == 0) {
-      target.figures.rays += photon_figures_.rays;
-      target.figures.faults += photon_figures_.faults;
-    }
+    if (target.x == 0 && target.y == 0) target.figures += photon_figures_;
     if (interpolate_) {
       if (points_.marked(target.x, target.y)) target.tally.mark();
-      const TileFigures placing = points_.figures_at(target.x, target.y);
-      target.figures.rays += placing.rays;
-      target.figures.faults += placing.faults;
+      target.figures += points_.figures_at(target.x, target.y);
     }
   }
   Gather method{*this, target};

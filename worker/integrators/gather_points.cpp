@@ -168,10 +168,7 @@ void GatherPoints::make_points(Part& part, const std::vector<std::pair<int, int>
   parallel_for(wanted.size(), [&](std::size_t i) {
     part.points[first + i] = make_point(wanted[i].first, wanted[i].second, figures[i]);
   });
-  for (const TileFigures& f : figures) {
-    part.figures.rays += f.rays;
-    part.figures.faults += f.faults;
-  }
+  for (const TileFigures& f : figures) part.figures += f;
 }
 
 bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const {

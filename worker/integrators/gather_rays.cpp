@@ -38,8 +38,7 @@ MapGather::MapGather(const Scene& scene, const JobSpec& spec)
   const PhotonArrays* all[] = {&global.batch.direct, &global.batch.flows[kCaustic],
                                &global.batch.flows[kIndirect]};
   map_ = MapEstimate(scene, all, global.flux_unit, global_options(spec));
-  figures_.rays = global.batch.rays;
-  figures_.faults = global.batch.faults;
+  figures_ = global.figures();
   if (spec.final_gather.importance > 0.0) indirect_ = PhotonMap(std::span(all).last(1));
   if (spec.final_gather.precompute) precompute(spec);
 }
@@ -81,10 +80,7 @@ void MapGather::precompute(const JobSpec& spec) {
       records.set(i, make_photon(disc.query.position, irradiance, disc.query.normal, disc.query.normal));
     }
   });
-  for (const TileFigures& f : figures) {
-    figures_.rays += f.rays;
-    figures_.faults += f.faults;
-  }
+  for (const TileFigures& f : figures) figures_ += f;
   const PhotonArrays* all[] = {&records};
   irradiance_ = PhotonMap(all);
 }

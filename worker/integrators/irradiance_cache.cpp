@@ -33,7 +33,7 @@ std::unique_ptr<const GatherRadiance> make_source(const Scene& scene, const JobS
 
 IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const Camera& camera,
                                                      const JobSpec& spec,
-                                                     std::optional<std::vector<ScenePart>> parts)
+                                                     std::vector<ScenePart> parts)
     : SinglePassIntegrator(scene, camera, spec, Extra::kCacheRecords),
       seed_(spec.integrator.seed),
       source_(make_source(scene, spec, made_)),
@@ -46,8 +46,7 @@ IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const C
   const TracedPhotons photons(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
   const PhotonArrays* flows[] = {&photons.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, photons.flux_unit, caustic_options(spec));
-  made_.rays += photons.batch.rays;
-  made_.faults += photons.batch.faults;
+  made_ += photons.figures();
   fill_cache();
 }
 
@@ -71,8 +70,8 @@ void IrradianceCacheIntegrator::prepare(const ImagePart& part) const {
 
 void IrradianceCacheIntegrator::render(const PixelTarget& target) const {
   if (target.x == 0 && target.y == 0 && target.sample == 0) {
-    target.figures.rays += made_.rays + figures().rays;
-    target.figures.faults += made_.faults;
+    target.figures += made_;
+    target.figures.rays += figures().rays;
     target.figures.faults += figures().faults;
   }
   Sink sink(scene_, film_.scale, target, *this);

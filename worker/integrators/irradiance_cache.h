@@ -40,9 +40,9 @@ namespace pf {
 /// may stay). An image then depends on what the file held.
 class IrradianceCacheIntegrator final : public SinglePassIntegrator {
  public:
-  /// `parts`: of the scene, needed with `cache.file` only; when absent they are read from the scene's file.
+  /// `parts`: of the scene (scene_parts), needed with `cache.file` only.
   IrradianceCacheIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec,
-                            std::optional<std::vector<ScenePart>> parts = std::nullopt);
+                            std::vector<ScenePart> parts = {});
 
   [[nodiscard]] std::vector<std::string> warnings() const override;
 

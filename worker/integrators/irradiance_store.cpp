@@ -8,7 +8,6 @@
 
 #include "common/base/atomic_file.h"
 #include "common/base/hash.h"
-#include "worker/scene/gltf_loader.h"
 
 namespace pf {
 namespace {
@@ -40,45 +39,20 @@ std::uint64_t hash_of_view(const JobSpec& spec, const Camera& camera) {
   return xxh3_64(text);
 }
 
-Result<std::vector<ScenePart>> parts_of_job(const JobSpec& spec) {
-  auto description =
-      load_gltf({.file = spec.folder / spec.scene.file, .root = spec.folder, .scene = spec.scene.scene});
-  if (!description) return tl::unexpected(description.error());
-  auto parts = scene_parts(*description);
-  if (!parts) return parts;
-  // The job's own environment, which the loader does not know, stands in the place of the document's.
-  std::string environment = fmt::format("{}", spec.scene.environment_scale);
-  for (const double value : spec.scene.environment_radiance) environment += fmt::format(" {}", value);
-  if (!spec.scene.environment.empty()) {
-    auto digest = sha256_hex_of_file(spec.folder / spec.scene.environment);
-    if (!digest) return tl::unexpected(digest.error());
-    environment += *digest;
-  }
-  parts->back().hash = xxh3_128(environment);
-  return parts;
-}
-
 }  // namespace
 
 IrradianceStore::IrradianceStore(const JobSpec& spec, const Camera& camera,
-                                 std::optional<std::vector<ScenePart>> parts)
-    : view_(hash_of_view(spec, camera)) {
+                                 std::vector<ScenePart> parts)
+    : parts_(std::move(parts)), view_(hash_of_view(spec, camera)) {
   content_.seed = spec.integrator.seed;
   if (spec.cache.file.empty()) return;
   file_ = spec.folder / spec.cache.file;
-  const auto loaded = load(spec, std::move(parts));
+  const auto loaded = load(spec);
   if (!loaded) error_ = loaded.error();
   keeps_ = loaded.has_value();
 }
 
-Result<void> IrradianceStore::load(const JobSpec& spec, std::optional<std::vector<ScenePart>> parts) {
-  if (parts) {
-    parts_ = std::move(*parts);
-  } else {
-    auto read = parts_of_job(spec);
-    if (!read) return tl::unexpected(read.error());
-    parts_ = std::move(*read);
-  }
+Result<void> IrradianceStore::load(const JobSpec& spec) {
   content_.options = hash_of_options(spec);
   content_.grid = HemisphereGrid::of_rays(spec.irradiance_cache.rays);
   std::error_code unknown;

@@ -19,8 +19,8 @@ namespace pf {
 /// alone and reported by error(): the cache is then built from nothing and not kept.
 class IrradianceStore {
  public:
-  /// `parts`: of the scene; where none are given, they are read from the scene's own file when needed.
-  IrradianceStore(const JobSpec& spec, const Camera& camera, std::optional<std::vector<ScenePart>> parts);
+  /// `parts`: of the scene; needed for a job that names a file.
+  IrradianceStore(const JobSpec& spec, const Camera& camera, std::vector<ScenePart> parts);
 
   /// Whether records are kept from one run to the next.
   [[nodiscard]] bool keeps() const { return keeps_; }
@@ -36,7 +36,7 @@ class IrradianceStore {
   void write();
 
  private:
-  [[nodiscard]] Result<void> load(const JobSpec& spec, std::optional<std::vector<ScenePart>> parts);
+  [[nodiscard]] Result<void> load(const JobSpec& spec);
 
   std::filesystem::path file_;
   IrradianceFile content_;

@@ -43,7 +43,13 @@ TracedPhotons::TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose pu
   options.projection = projection.get();
   const PhotonTracer tracer(scene, options);
   batch = tracer.trace(caustics ? 1 : 0);
+  paths = options.paths;
   flux_unit = tracer.flux_unit();
+}
+
+TileFigures TracedPhotons::figures() const {
+  const std::size_t stored = batch.direct.size() + batch.flows[kCaustic].size() + batch.flows[kIndirect].size();
+  return {batch.rays, paths, stored, batch.faults};
 }
 
 MapEstimate::MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit,

@@ -23,7 +23,10 @@ struct TracedPhotons {
   /// `max_depth`: surface hits of a path; 0: no bound but Russian roulette.
   TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose purpose, int max_depth);
 
+  [[nodiscard]] TileFigures figures() const;
+
   PhotonBatch batch;
+  std::uint64_t paths = 0;
   double flux_unit = 0;  ///< W: what the photons' flux counts in
 };
 

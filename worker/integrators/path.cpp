@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "worker/integrators/single_pass.h"
+
 namespace pf {
 namespace {
 
@@ -26,12 +28,8 @@ void add(Tally& tally, PathLayer layer, const Rgb& radiance) {
 PathIntegrator::PathIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
     : scene_(scene),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
-      max_depth_(spec.integrator.max_depth) {
-  film_.width = spec.image.width;
-  film_.height = spec.image.height;
-  film_.estimator = Estimator::kPath;
-  film_.scale = scale_of_scene(scene, 0.0);
-}
+      film_(film_of_samples(scene, spec, Extra::kNone)),
+      max_depth_(spec.integrator.max_depth) {}
 
 void PathIntegrator::run(const WorkUnit& unit, const std::vector<ProgressivePixel>&, Statistics& sums) const {
   for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {

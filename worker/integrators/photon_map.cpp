@@ -57,14 +57,12 @@ PhotonMapIntegrator::PhotonMapIntegrator(const Scene& scene, const Camera& camer
   std::vector<const PhotonArrays*> shown{&indirect};
   if (show_map_) shown = {&global.batch.direct, &global.batch.flows[kCaustic], &indirect};
   global_ = MapEstimate(scene, shown, global.flux_unit, global_options(spec));
-  rays_ = global.batch.rays;
-  faults_ = global.batch.faults;
+  photon_figures_ = global.figures();
   if (show_map_) return;
   const TracedPhotons caustics(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
   const PhotonArrays* flows[] = {&caustics.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, caustics.flux_unit, caustic_options(spec));
-  rays_ += caustics.batch.rays;
-  faults_ += caustics.batch.faults;
+  photon_figures_ += caustics.figures();
 }
 
 void PhotonMapIntegrator::prepare(const ImagePart& part) const {
@@ -108,10 +106,7 @@ struct PhotonMapIntegrator::ShowMapSink {
 };
 
 void PhotonMapIntegrator::render(const PixelTarget& target) const {
-  if (target.x == 0 && target.y == 0 && target.sample == 0) {
-    target.figures.rays += rays_;
-    target.figures.faults += faults_;
-  }
+  if (target.x == 0 && target.y == 0 && target.sample == 0) target.figures += photon_figures_;
   const EyePaths paths(scene_, eye_, max_depth_);
   const float covered = covered_.at(target.x, target.y);
   if (show_map_) {

@@ -62,8 +62,7 @@ class PhotonMapIntegrator final : public SinglePassIntegrator {
 
   bool show_map_;
   MapEstimate global_, caustics_;
-  std::uint64_t rays_ = 0;  ///< of photons; counted with the first pixel's first sample
-  Faults faults_;
+  TileFigures photon_figures_;  ///< of the maps; counted with the first pixel's first sample
   mutable CoveredRadii covered_;
 };
 

@@ -2,15 +2,21 @@
 
 namespace pf {
 
+FilmOptions film_of_samples(const Scene& scene, const JobSpec& spec, Extra extra) {
+  FilmOptions film;
+  film.width = spec.image.width;
+  film.height = spec.image.height;
+  film.estimator = Estimator::kPath;
+  film.scale = scale_of_scene(scene, 0.0);
+  film.extra = extra;
+  return film;
+}
+
 SinglePassIntegrator::SinglePassIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec, Extra extra)
     : scene_(scene),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
+      film_(film_of_samples(scene, spec, extra)),
       max_depth_(spec.integrator.max_depth) {
-  film_.width = spec.image.width;
-  film_.height = spec.image.height;
-  film_.estimator = Estimator::kPath;
-  film_.scale = scale_of_scene(scene, 0.0);
-  film_.extra = extra;
   film_.part_edge = PassOrder::edge_for(spec.image.width, spec.image.height);
 }
 

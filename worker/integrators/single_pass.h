@@ -20,6 +20,9 @@ struct PixelTarget {
   TileFigures& figures;
 };
 
+/// Film of a method whose pixels are plain means of samples.
+[[nodiscard]] FilmOptions film_of_samples(const Scene& scene, const JobSpec& spec, Extra extra);
+
 /// What the methods of photon mapping before its progressive forms have in common: structures made once from the scene (photon
 /// maps, caches), then eye samples that read them. A sub-pass is a tile of the image (PassOrder), so that a farm gives tiles to
 /// workers; each worker makes the structures from the same seeds, and they are the same to the bit.

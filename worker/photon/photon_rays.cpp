@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
+#include <utility>
 
 #include "common/math/frame.h"
 #include "worker/photon/photon_numbers.h"
+#include "worker/photon/photon_path.h"
 
 namespace pf {
 namespace {
@@ -113,21 +114,10 @@ bool PhotonRays::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk) co
   const auto picked = scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]});
   if (!picked) return false;
   walk.ray = {picked->emission.origin, picked->emission.direction};
-  walk.position = picked->emission.origin;
-  walk.flux = picked->emission.flux / static_cast<float>(options_.paths);
-  if (picked->triangle >= 0) {
-    const auto index = static_cast<std::uint32_t>(picked->triangle);
-    walk.flux *= scene_.emission_ratio(index, picked->barycentric);
-    const std::span<const int> media = scene_.media_of_emitter(index);
-    if (!media.empty()) {
-      walk.media = MediumStack(media);
-      const EmissiveTriangle& lamp = scene_.lights().triangle(index);
-      const Vec2f& b = picked->barycentric;
-      walk.position = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
-    }
-  } else if (scene_.any_medium()) {
-    walk.media = MediumStack(scene_.media_around(picked->emission.origin));
-  }
+  PhotonStart start = photon_start(scene_, picked->emission.origin, picked->triangle, picked->barycentric);
+  walk.position = start.position;
+  walk.media = std::move(start.media);
+  walk.flux = picked->emission.flux / static_cast<float>(options_.paths) * start.texture;
   if (!(max_component(walk.flux) > 0.0f)) return false;
   spread_of_emission(*picked, u[0], {u[1], u[2]}, {u[3], more[0]}, walk);
   return true;
@@ -180,11 +170,8 @@ bool PhotonRays::scatter(Walk& walk, const SurfacePoint& point) const {
       (sample->specularity < 1.0f && walk.numbers.late(walk.path, walk.bounce) >= sample->specularity)) {
     walk.specular_only = false;
   }
-  // Russian roulette on the largest channel keeps photons whole [Jensen 2001, 5.2.4].
-  const Rgb left = walk.flux * sample->weight;
-  const float survival = std::min(1.0f, max_component(left) / max_component(walk.flux));
-  if (!(u[3] < survival)) return false;
-  walk.flux = survival < 1.0f ? left / survival : left;
+  const float survival = roulette(walk.flux, sample->weight, u[3]);
+  if (!(survival > 0.0f)) return false;
   walk.share *= survival;
   spread_of_scattering(walk, point, bsdf, params, *sample);
   if (sample->refracted) walk.media.cross(point.material, entering);

@@ -9,6 +9,7 @@
 #include "common/base/parallel.h"
 #include "worker/bsdf/lambert_lanes.h"
 #include "worker/photon/photon_lanes.h"
+#include "worker/photon/photon_path.h"
 #include "worker/photon/photon_tree.h"
 #include "worker/photon/projection_map.h"
 
@@ -31,15 +32,8 @@ struct PhotonTracer::Walk {
   int bounce;
   bool specular_only;
 
-  /// Whether the photon goes on after a bounce of this weight; its flux is then what goes on. Russian roulette on the largest
-  /// channel keeps photons whole [Jensen 2001, 5.2.4].
-  [[gnu::always_inline]] bool survives(const Rgb& weight) {
-    const Rgb left = flux * weight;
-    const float survival = std::min(1.0f, max_component(left) / max_component(flux));
-    if (!(u[3] < survival)) return false;
-    flux = survival < 1.0f ? left / survival : left;
-    return true;
-  }
+  /// Whether the photon goes on after a bounce of this weight; its flux is then what goes on.
+  [[gnu::always_inline]] bool survives(const Rgb& weight) { return roulette(flux, weight, u[3]) > 0.0f; }
   /// Sends the photon from `point` towards `wi`.
   [[gnu::always_inline]] void follow(const SurfacePoint& point, const Vec3f& wi) {
     ray.origin = offset_past(point, wi);
@@ -115,31 +109,17 @@ void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, Emiss
 
 bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const {
   if ((emissions.lanes & (1u << from)) == 0) return false;
-  Rgb flux = emissions.flux[from] * emitted_scale_;
   const Vec3f origin = emissions.origin[from];
-  Vec3f lamp_point = origin;  // of a lamp inside a medium set exactly below
-  MediumStack media;
-  if (emissions.triangle[from] >= 0) {
-    const auto index = static_cast<std::uint32_t>(emissions.triangle[from]);
-    const Vec2f& b = emissions.barycentric[from];
-    flux *= scene_.emission_ratio(index, b);
-    const std::span<const int> around = scene_.media_of_emitter(index);
-    if (!around.empty()) {
-      media = MediumStack(around);
-      const EmissiveTriangle& lamp = scene_.lights().triangle(index);
-      lamp_point = lamp.p0 * (1.0f - b.x - b.y) + lamp.p1 * b.x + lamp.p2 * b.y;
-    }
-  } else if (scene_.any_medium()) {
-    media = MediumStack(scene_.media_around(origin));
-  }
+  const PhotonStart begins = photon_start(scene_, origin, emissions.triangle[from], emissions.barycentric[from]);
+  const Rgb flux = emissions.flux[from] * emitted_scale_ * begins.texture;
   if (!(max_component(flux) > 0.0f)) return false;
   photons.ray.origin.set(lane, origin);
   photons.ray.direction.set(lane, emissions.direction[from]);
-  photons.position.set(lane, lamp_point);
+  photons.position.set(lane, begins.position);
   photons.flux.set(lane, flux);
   photons.bounce[lane] = 0;
   photons.specular_only[lane] = -1;
-  photons.media[lane] = media;
+  photons.media[lane] = begins.media;
   return true;
 }
 

@@ -69,7 +69,8 @@ std::vector<SurfaceBall> merged_balls(std::span<const SurfaceBall> balls, float 
     for (const SurfaceBall* member : members) box.extendBy(member->center);
     SurfaceBall& ball = all.emplace_back(SurfaceBall{box.center(), 0.0f, false});
     for (const SurfaceBall* member : members)
-      ball.radius = std::max(ball.radius, (length(member->center - ball.center) + member->radius) * (1.0f + kSlack));
+      ball.radius =
+          std::max(ball.radius, (length(member->center - ball.center) + member->radius) * (1.0f + kSlack));
   }
   return all;
 }

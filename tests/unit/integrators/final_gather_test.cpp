@@ -39,17 +39,8 @@ std::int64_t marks_within(const std::vector<std::int64_t>& marks, int width, int
   return sum;
 }
 
-/// Straight into a box's corner edge: the vertical edge between two walls is the picture's middle column.
-std::unique_ptr<const Scene> corner_scene() {
-  SceneMaker maker;
-  maker.box({-1, -1, -1}, {1, 1, 1}, maker.lambert({0.6f, 0.6f, 0.6f}), true);
-  maker.point_light({0.5f, 0.4f, 0.5f}, 3.0f);
-  maker.camera({0.6f, 0, 0.6f}, {-1, 0, -1}, 0.6f);
-  return maker.build();
-}
-
 TEST(GatherPoints, LieSparselyOnFlatWallsAndDenselyInCorners) {
-  const auto scene = corner_scene();
+  const auto scene = corner_room().build();
   const auto [marks, rays] = marks_of(*scene, gather_job(128, 64, 0.15));
   const auto flat = marks_within(marks, 128, 0, 0, 32, 64) + marks_within(marks, 128, 96, 0, 128, 64);
   const auto corner = marks_within(marks, 128, 48, 0, 80, 64);
@@ -59,7 +50,7 @@ TEST(GatherPoints, LieSparselyOnFlatWallsAndDenselyInCorners) {
 }
 
 TEST(GatherPoints, GrowInNumberAsTheErrorBoundFalls) {
-  const auto scene = corner_scene();
+  const auto scene = corner_room().build();
   std::int64_t last = 0;
   for (const double error : {0.4, 0.2, 0.1}) {
     const auto [marks, rays] = marks_of(*scene, gather_job(64, 32, error));
@@ -127,6 +118,18 @@ TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
         EXPECT_TRUE(first_extras == sums.extras) << threads;
       });
     }
+  }
+}
+
+TEST(MapMethods, CountThePhotonsOfTheirMapsOnce) {
+  const auto scene = peer_box(16).build();
+  JobSpec spec = gather_job(24, 16, 0.2);
+  spec.final_gather.rays = spec.irradiance_cache.rays = 8;
+  for (const auto type : {IntegratorType::kPhotonMap, IntegratorType::kFinalGather, IntegratorType::kIrradianceCache}) {
+    spec.integrator.type = type;
+    const Film film = render(*scene, spec, 2);
+    EXPECT_EQ(film.sums().photon_paths, 30000u + 10000u) << to_string(type);
+    EXPECT_GT(film.sums().photons_stored, 30000u) << to_string(type);
   }
 }
 
