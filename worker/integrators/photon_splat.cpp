@@ -108,13 +108,9 @@ PhotonSplatIntegrator::PhotonSplatIntegrator(const Scene& scene, const Camera& c
     : scene_(scene),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
       rays_(scene, photon_options(spec), spec.photon_splat.differentials),
+      film_(film_of_samples(scene, spec, Extra::kSpecular)),
       profile_(spec.photon_splat.kernel),
       max_depth_(spec.integrator.max_depth) {
-  film_.width = spec.image.width;
-  film_.height = spec.image.height;
-  film_.estimator = Estimator::kPath;
-  film_.scale = scale_of_scene(scene, 0.0);
-  film_.extra = Extra::kSpecular;
   const auto smoothing = static_cast<float>(spec.photon_splat.smoothing);
   least_footprints_ = kLeastFootprints * smoothing;
   const float widest = kWidestShare * 0.5f * length(scene.bounds().size()) * smoothing;
@@ -193,6 +189,23 @@ PhotonSplatIntegrator::Splats PhotonSplatIntegrator::trace(std::uint64_t sub_pas
   return splats;
 }
 
+float PhotonSplatIntegrator::part_lost(const RayKernel& ray, const SplatSample& sample,
+                                       const RayKernel::Meeting& meeting) const {
+  constexpr float kLeast = 0.01f;
+  const float lost = profile_.beyond(meeting.edge);
+  if (lost < kLeast) return 0.0f;
+  // Only where the ray's surface goes on to the sample's: along that one, towards its foot, it is in the way.
+  const RayKernel::Plane& wall = ray.start();
+  const Vec3f towards = sample.ng * dot(wall.normal, sample.ng) - wall.normal;
+  const float sine = length(towards);
+  if (!(sine > kLeast)) return 0.0f;
+  const float height = std::max(0.0f, dot(wall.normal, sample.position) - wall.offset);
+  const Vec3f foot = towards / sine;
+  const Vec3f origin = offset_ray_origin(sample.position, sample.ng, sample.ng, sample.extent);
+  const float beyond = 2.0f * length(origin - sample.position);
+  return scene_.occluded({origin, foot, 1.01f * height / sine + beyond}) ? lost : 0.0f;
+}
+
 std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std::vector<Splats>& batch, const Samples& samples,
                                                   std::vector<Gathered>& gathered) const {
   std::uint64_t not_finite = 0;
@@ -208,8 +221,10 @@ std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std:
           const Vec3f origin = offset_ray_origin(sample.position, sample.ng, wi, sample.extent);
           if (scene_.occluded({origin, wi, kMargin * meeting.behind})) return;
         }
-        // Flux density across the ray times the sample's cosine [Herzog et al. 2007].
-        Rgb light = splat.flux * (profile_(meeting.u2) / meeting.area * std::abs(dot(wi, sample.ns)));
+        // Flux density across the ray times the sample's cosine [Herzog et al. 2007], over the part of the disc where rays
+        // can be.
+        const float there = 1.0f - part_lost(splat.kernel, sample, meeting);
+        Rgb light = splat.flux * (profile_(meeting.u2) / (meeting.area * there) * std::abs(dot(wi, sample.ns)));
         const std::int32_t glossy = samples.glossy_of[sample.id];
         if (glossy >= 0) {
           const Glossy& surface = samples.glossy[static_cast<std::size_t>(glossy)];

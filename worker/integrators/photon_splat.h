@@ -60,6 +60,8 @@ class PhotonSplatIntegrator final : public Integrator {
   [[nodiscard]] std::vector<Gathered> splat(std::uint64_t sub_pass, const Samples& samples, Statistics& sums) const;
   /// Photon rays of paths [first, end), with the branches of the tree that they may reach.
   [[nodiscard]] Splats trace(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, const SampleTree& tree) const;
+  /// Part of a ray's kernel around the sample where no rays can be, below the foot of the surface that the ray left.
+  [[nodiscard]] float part_lost(const RayKernel& ray, const SplatSample& sample, const RayKernel::Meeting& meeting) const;
   /// Adds the rays of one batch to the samples of one branch; returns how many contributions were not finite.
   [[nodiscard]] std::uint64_t splat_branch(std::size_t branch, const std::vector<Splats>& batch, const Samples& samples,
                                            std::vector<Gathered>& gathered) const;

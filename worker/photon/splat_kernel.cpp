@@ -27,6 +27,23 @@ float reach(const RayKernel::Plane& plane, const Vec3f& direction) {
 
 }  // namespace
 
+KernelProfile::KernelProfile(SplatKernel kind) : kind_(kind) {
+  // Over half discs: strips across the line, each its chord; the profile's own integral scales the rounding away.
+  constexpr int kStrips = 16, kAlong = 64;
+  double sum = 0.0;
+  for (std::size_t step = kSteps; step-- > 0;) {
+    for (int strip = 0; strip < kStrips; ++strip) {
+      const double z = (static_cast<double>(step) + (strip + 0.5) / kStrips) / kSteps, chord = std::sqrt(1.0 - z * z);
+      for (int i = 0; i < kAlong; ++i) {
+        const double v = chord * (i + 0.5) / kAlong;
+        sum += double{(*this)(static_cast<float>(z * z + v * v))} * chord;
+      }
+    }
+    beyond_[step] = static_cast<float>(sum);
+  }
+  for (float& part : beyond_) part *= static_cast<float>(0.5 / sum);
+}
+
 RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x, const Vec3f& axis_y,
                      const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start,
                      const Plane& end)
@@ -63,6 +80,20 @@ bool RayKernel::in_front_of_start(const SplatSample& sample, float bulge) const 
   return height > -bulge;
 }
 
+/// Where the surface that the ray left and the sample's own meet at an inner edge, as at the foot of a wall, rays through the
+/// kernel's disc around the sample would have to start below the sample's plane on one side of a line, and do not exist. With h
+/// the sample's height over the surface, c and c' the cosines of the ray at start and sample, n and n' their normals: a ray at
+/// offset y exists where y . (n' c + n c') >= -h c'.
+float RayKernel::start_edge(const SplatSample& sample, const Spread& m) const {
+  if (is_zero(start_.normal) || sample.both_sides) return kInfinity;
+  const float cosine = dot(start_.normal, direction_), cosine_there = -dot(sample.ng, direction_);
+  const Vec3f across = sample.ng * cosine + start_.normal * cosine_there;
+  const float x = dot(across, axis_x_), y = dot(across, axis_y_);
+  const float width2 = m.xx * x * x + 2.0f * m.xy * x * y + m.yy * y * y;
+  const float distance = std::max(0.0f, dot(start_.normal, sample.position) - start_.offset) * cosine_there;
+  return cosine > 0.0f && distance * distance < width2 ? distance / std::sqrt(width2) : kInfinity;
+}
+
 std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample, float t, float x, float y) const {
   if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f)) return std::nullopt;
   const float on_ray = std::clamp(t, 0.0f, length_);
@@ -75,7 +106,8 @@ std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample
   const float bulge = kBulge * (radius(on_ray) + sample.least_radius);
   if (!is_zero(start_.normal) && !in_front_of_start(sample, bulge)) return std::nullopt;
   const float depth = is_zero(end_.normal) ? 0.0f : end_.offset - dot(end_.normal, sample.position);
-  return Meeting{t, scaled / determinant, kPi * std::sqrt(determinant), depth > bulge ? depth * inverse_end_cosine_ : 0.0f};
+  return Meeting{t, scaled / determinant, kPi * std::sqrt(determinant), start_edge(sample, m),
+                 depth > bulge ? depth * inverse_end_cosine_ : 0.0f};
 }
 
 }  // namespace pf

@@ -18,7 +18,7 @@ namespace pf {
 /// 2 * integral of f(u) u du = 1 over [0, 1].
 class KernelProfile {
  public:
-  explicit KernelProfile(SplatKernel kind) : kind_(kind) {}
+  explicit KernelProfile(SplatKernel kind);
 
   /// f at the squared relative distance `u2`; 0 from 1 on.
   [[nodiscard]] float operator()(float u2) const {
@@ -33,13 +33,23 @@ class KernelProfile {
     }
     return 0.0f;
   }
+  /// Part of the kernel beyond a straight line at relative distance `s` >= 0 from its middle: 1/2 at 0, 0 from 1 on.
+  [[nodiscard]] float beyond(float s) const {
+    if (!(s < 1.0f)) return 0.0f;
+    const float at = s * static_cast<float>(kSteps);
+    const auto step = static_cast<std::size_t>(at);
+    const float rest = at - static_cast<float>(step);
+    return beyond_[step] * (1.0f - rest) + beyond_[step + 1] * rest;
+  }
 
  private:
+  static constexpr std::size_t kSteps = 64;
   /// The rim is three standard deviations out: exp(-9/2) of the peak.
   static constexpr float kGaussianFall = 4.5f;
   static constexpr float kGaussianPeak = 4.5f / 0.98889100f;  ///< fall / (1 - exp(-fall))
 
   SplatKernel kind_;
+  std::array<float, kSteps + 2> beyond_{};  ///< by s in steps; one more for s rounded up to 1
 };
 
 /// Symmetric 2 x 2 matrix: squared half axes of an ellipse [m^2].
@@ -102,6 +112,7 @@ class RayKernel {
     float t;                 ///< distance of its foot along the ray; may lie a little before or beyond the ray
     float u2;                ///< squared relative distance from the axis, < 1
     float area;              ///< of the ellipse there [m^2]
+    float edge;              ///< relative distance of the edge below which no rays start (start_edge)
     float behind;            ///< how far back along the ray the plane of the surface that the ray met is; 0: not behind it
   };
   /// Empty where the sample faces away, lies outside the kernel, or behind the surface at the start.
@@ -145,6 +156,7 @@ class RayKernel {
   /// One over each component of the direction; finite, so that a slab test needs no special case.
   [[nodiscard]] const Vec3f& inverse_direction() const { return inverse_direction_; }
   [[nodiscard]] float length() const { return length_; }
+  [[nodiscard]] const Plane& start() const { return start_; }
   [[nodiscard]] Spread spread(float t) const { return at_start_ + linear_ * t + quadratic_ * (t * t); }
   /// Bound of the long half axis at `t` [m]. The half axis is convex in t, so the chord between the ends bounds it: a cone.
   [[nodiscard]] float radius(float t) const { return first_radius_ + radius_slope_ * std::clamp(t, 0.0f, length_); }
@@ -154,6 +166,7 @@ class RayKernel {
 
  private:
   [[nodiscard]] std::optional<Meeting> meet_near(const SplatSample& sample, float t, float x, float y) const;
+  [[nodiscard]] float start_edge(const SplatSample& sample, const Spread& m) const;
   [[nodiscard]] bool in_front_of_start(const SplatSample& sample, float bulge) const;
 
   Vec3f origin_, direction_, inverse_direction_, axis_x_, axis_y_;

@@ -1,5 +1,7 @@
 #include "worker/integrators/photon_splat.h"
 
+#include <algorithm>
+#include <cstdio>
 #include <cstring>
 
 #include <gtest/gtest.h>
@@ -43,6 +45,25 @@ void expect_same(const Statistics& a, const Statistics& b) {
   EXPECT_EQ(a.photons_stored, b.photons_stored);
   EXPECT_EQ(a.photon_paths, b.photon_paths);
   EXPECT_EQ(a.sub_passes, b.sub_passes);
+}
+
+// At the foot of a wall a part of a kernel's disc lies where no rays can be: without regard to it about a quarter of the light is
+// missing right beside the edge.
+TEST(PhotonSplat, LosesNoLightAtTheFootOfAWall) {
+  const auto scene = furnace_box().build();
+  for (const SplatKernel kernel : {SplatKernel::kEpanechnikov, SplatKernel::kGaussian}) {
+    for (const double smoothing : {1.0, 4.0}) {
+      JobSpec spec = job(16, 16, IntegratorType::kPhotonSplat, 5000);
+      spec.photon_splat.kernel = kernel;
+      spec.photon_splat.smoothing = smoothing;
+      spec.integrator.max_depth = 0;
+      const Renders renders(*scene, spec, 8, 8, "indirect");
+      std::printf("smoothing %.0f mean %.4f +- %.4f", smoothing, renders.mean().mean, renders.mean().error);
+      double least = 1.0, most = 0.0;
+      for (const Estimate& e : renders.pixels()) least = std::min(least, e.mean), most = std::max(most, e.mean);
+      std::printf(" pixels %.3f to %.3f\n", least, most);
+    }
+  }
 }
 
 TEST(PhotonSplat, OneTwoAndFiveThreadsGiveTheSameSums) {

@@ -40,6 +40,25 @@ TEST(KernelProfile, IntegratesToOneOverTheDisc) {
   }
 }
 
+TEST(KernelProfile, KnowsItsPartBeyondALine) {
+  for (const SplatKernel kind : kKernels) {
+    const KernelProfile f(kind);
+    for (const float s : {0.0f, 0.11f, 0.4f, 0.73f, 0.95f}) {
+      constexpr int kSteps = 1200;
+      double sum = 0.0;
+      for (int i = 0; i < kSteps; ++i) {
+        for (int j = 0; j < kSteps; ++j) {
+          const double x = 2.0 * (i + 0.5) / kSteps - 1.0, y = 2.0 * (j + 0.5) / kSteps - 1.0;
+          if (x > double{s}) sum += double{f(static_cast<float>(x * x + y * y))} * 4.0 / (kSteps * double{kSteps} * std::numbers::pi);
+        }
+      }
+      EXPECT_NEAR(double{f.beyond(s)}, sum, 1e-3) << static_cast<int>(kind) << ' ' << s;
+    }
+    EXPECT_EQ(f.beyond(1.0f), 0.0f);
+    EXPECT_EQ(f.beyond(kInfinity), 0.0f);
+  }
+}
+
 TEST(KernelProfile, FallsFromTheAxisToTheRim) {
   for (const SplatKernel kind : kKernels) {
     const KernelProfile f(kind);
