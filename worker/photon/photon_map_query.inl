@@ -255,10 +255,11 @@ void find_nearest(const MapBricks& bricks, const NearestQuery& query, NearestPho
   // What the last answer needed, and a little more, will mostly do for this one; where it does not, the disc
   // grows. The answer is the same, in the same order.
   constexpr float kMore = 1.4f, kGrowth = 4.0f;
+  constexpr int kSteps = 4;  // then all: where there are not so many photons, growing would go on
   float bound2 = kMore * (found.radius2 > 0.0f ? found.radius2 : bricks.even_radius2(query.nearest));
   if (!(bound2 > 0.0f)) bound2 = query.max_distance2;
-  while (true) {
-    bound2 = std::min(bound2, query.max_distance2);
+  for (int step = 0;; ++step) {
+    bound2 = step < kSteps ? std::min(bound2, query.max_distance2) : query.max_distance2;
     BrickWalk<V> walk(bricks, query, bound2);
     Candidates<V> candidates(walk, found, query.nearest);
     walk.run([&](std::uint32_t root, std::uint32_t bits, typename V::Float distance2) {
