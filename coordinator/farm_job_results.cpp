@@ -72,13 +72,13 @@ bool FarmJob::is_wanted(const wire::ResultManifest& manifest, std::string& why_n
 bool FarmJob::figures_are_plausible(const wire::ResultManifest& manifest) const {
   if (!std::isfinite(manifest.trace_seconds()) || manifest.trace_seconds() < 0) return false;
   if (manifest.kind() == wire::Task::PREPARE) return true;
-  const std::uint64_t paths = sub_passes_of(manifest) * static_cast<std::uint64_t>(record_.spec.integrator.photons);
+  const JobSpec& spec = record_.spec;
+  const std::uint64_t passes = sub_passes_of(manifest), paths = manifest.photon_paths();
+  if (film_->options().estimator != Estimator::kPath) return passes > 0 && paths % passes == 0 && may_trace(spec, paths / passes);
   // Methods whose radiance is a plain mean trace none in a sub-pass, or as many as the others, or those of their maps before the
   // first.
-  if (film_->options().estimator != Estimator::kPath) return manifest.photon_paths() == paths;
-  const JobSpec& spec = record_.spec;
-  const auto of_maps = static_cast<std::uint64_t>(spec.integrator.photons + spec.photon_map.caustic_photons);
-  return manifest.photon_paths() <= std::max(paths, of_maps);
+  const auto in_a_pass = static_cast<std::uint64_t>(photon_paths(spec));
+  return paths <= std::max(passes * in_a_pass, in_a_pass + static_cast<std::uint64_t>(spec.photon_map.caustic_photons));
 }
 
 void FarmJob::compare_with_first(const std::string& worker, const wire::ResultManifest& manifest) {

@@ -70,15 +70,15 @@ int render(const WorkerContext& context, const Options& options) {
 int show_plan(const WorkerContext& context, const Options& options) {
   auto spec = load_job(options.job, options.overrides);
   if (!spec) return report_error(context, spec.error());
-  auto description = load_scene_of_job(*spec);
-  if (!description) return report_error(context, description.error());
-  const SceneFacts facts = gather_facts(*description);
-  const Plan plan = make_plan(*spec, facts);
-  for (const std::string& warning : description->warnings) context.err << "warning: " << warning << '\n';
+  const SystemClock clock;
+  const auto job = plan_job(*spec, clock);
+  if (!job) return report_error(context, job.error());
+  const PilotTiming timing{job->pilot_seconds};
+  for (const std::string& warning : job->scene->warnings()) context.err << "warning: " << warning << '\n';
   if (options.json) {
-    context.out << plan_json(*spec, facts, plan).dump(2) << '\n';
+    context.out << plan_json(*spec, job->facts, job->pilot, job->plan, timing).dump(2) << '\n';
   } else {
-    context.out << plan_text(*spec, facts, plan);
+    context.out << plan_text(*spec, job->facts, job->pilot, job->plan, timing);
   }
   return 0;
 }

@@ -219,29 +219,41 @@ std::vector<std::string> LoadedJob::warnings() const {
   return all;
 }
 
-Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
+Result<LoadedJob> plan_job(const JobSpec& spec, const Clock& clock) {
   const double start = clock.now();
   LoadedJob job;
   job.spec = spec;
   auto description = load_scene_of_job(spec);
   if (!description) return tl::unexpected(description.error());
-  job.plan = make_plan(spec, gather_facts(*description));
+  job.facts = gather_facts(*description);
   auto hash = hash_scene(spec.folder / spec.scene.file, *description);
   if (!hash) return tl::unexpected(hash.error());
   job.scene_hash = std::move(*hash);
-  std::vector<ScenePart> parts;
-  if (job.plan.algorithm == IntegratorType::kIrradianceCache && !spec.cache.file.empty()) {
+  if (!spec.cache.file.empty()) {
     auto told_apart = scene_parts(*description);
     if (!told_apart) return tl::unexpected(told_apart.error());
-    parts = std::move(*told_apart);
+    job.parts = std::move(*told_apart);
   }
   auto scene = Scene::build(std::move(*description));
   if (!scene) return tl::unexpected(scene.error());
   job.scene = std::move(*scene);
   auto camera = choose_camera(*job.scene, spec.scene.camera);
   if (!camera) return tl::unexpected(camera.error());
-  job.integrator = make_integrator(job.plan.algorithm, *job.scene, **camera, spec, std::move(parts));
+  job.camera = *camera;
+  const double piloted_from = clock.now();
+  job.pilot = fly_pilot(*job.scene, *job.camera, spec);
+  job.pilot_seconds = clock.now() - piloted_from;
+  job.plan = make_plan(spec, job.facts, job.pilot);
   job.load_seconds = clock.now() - start;
+  return job;
+}
+
+Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
+  auto job = plan_job(spec, clock);
+  if (!job) return job;
+  const double start = clock.now();
+  job->integrator = make_integrator(job->plan.algorithm, *job->scene, *job->camera, job->plan.resolve(spec), std::move(job->parts));
+  job->load_seconds += clock.now() - start;
   return job;
 }
 

@@ -25,14 +25,21 @@ namespace pf {
 /// Everything needed to render a job, built once.
 struct LoadedJob {
   JobSpec spec;
+  SceneFacts facts;
+  Pilot pilot;
+  double pilot_seconds = 0;
   Plan plan;
   std::string scene_hash;
   std::unique_ptr<const Scene> scene;
+  const Camera* camera = nullptr;  ///< of the scene
+  std::vector<ScenePart> parts;    ///< where a cache file asks what has changed
   std::unique_ptr<const Integrator> integrator;
   double load_seconds = 0;
   /// Of the scene and the plan.
   [[nodiscard]] std::vector<std::string> warnings() const;
 };
+/// All but the integrator: what `photonfarm plan` shows.
+[[nodiscard]] Result<LoadedJob> plan_job(const JobSpec& spec, const Clock& clock);
 [[nodiscard]] Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock);
 
 struct RenderRequest {

@@ -1,5 +1,7 @@
 #include "common/spec/job_spec.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "common/base/atomic_file.h"
@@ -47,6 +49,26 @@ Result<JobSpec> load_job(const std::filesystem::path& file, const std::vector<st
                                          : parse_job_toml(*text, file.string(), overrides);
   if (job) job->folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   return job;
+}
+
+std::int64_t photon_paths(const JobSpec& spec) {
+  if (spec.integrator.photons > 0) return spec.integrator.photons;
+  switch (spec.integrator.type) {
+    case IntegratorType::kPhotonMap:
+    case IntegratorType::kFinalGather:
+    case IntegratorType::kIrradianceCache:
+      return 500'000;
+    default:
+      return std::clamp(std::int64_t{2} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
+  }
+}
+
+bool may_trace(const JobSpec& spec, std::uint64_t paths) {
+  const auto asked = static_cast<std::uint64_t>(photon_paths(spec));
+  const IntegratorType type = spec.integrator.type;
+  const bool planned = spec.integrator.photons == 0 && (type == IntegratorType::kAuto || type == IntegratorType::kSppm);
+  if (!planned) return paths == asked;
+  return paths >= static_cast<std::uint64_t>(kFewestPhotonPaths) && paths <= static_cast<std::uint64_t>(kMostPhotonPaths);
 }
 
 std::string_view to_string(IntegratorType type) {

@@ -52,7 +52,7 @@ struct JobSpec {
   struct Integrator {
     IntegratorType type = IntegratorType::kAuto;
     ProgressiveMode mode = ProgressiveMode::kShared;
-    std::int64_t photons = 500000;    ///< paths per sub-pass
+    std::int64_t photons = 0;         ///< paths per sub-pass; 0: photon_paths() chooses
     double round_growth = 0.25;
     double alpha = 0.6667;
     double initial_radius = 0.0;      ///< metres; 0: per pixel, from the scene
@@ -67,6 +67,7 @@ struct JobSpec {
   /// The maps of photon_map, final_gather and irradiance_cache.
   struct PhotonMap {
     std::int64_t caustic_photons = 500000;  ///< paths of the caustic map; those of the global one: integrator.photons
+    Switch caustic_map = Switch::kAuto;     ///< the planner resolves kAuto; a method that meets it takes it for on
     int nearest = 100;                      ///< photons of an estimate from the global map
     int caustic_nearest = 60;               ///< same, caustic map
     double max_distance = 0.0;              ///< metres; 0: from the scene
@@ -122,6 +123,12 @@ struct JobSpec {
                                              const std::vector<std::string>& overrides = {});
 [[nodiscard]] Result<JobSpec> parse_job_json(std::string_view text, std::string_view origin,
                                              const std::vector<std::string>& overrides = {});
+/// Photon paths of a sub-pass as far as the job alone says: where it leaves them open, 500,000 for the methods of maps, and two a
+/// pixel for the others, which the planner may change for sppm between these bounds.
+[[nodiscard]] std::int64_t photon_paths(const JobSpec& spec);
+inline constexpr std::int64_t kFewestPhotonPaths = 10'000, kMostPhotonPaths = 2'000'000;
+/// Whether so many photon paths may be those of a sub-pass: exactly the job's number, or one that the planner may choose.
+[[nodiscard]] bool may_trace(const JobSpec& spec, std::uint64_t paths);
 /// Canonical JSON: all keys, sorted, defaults filled in; equal specs give equal text.
 [[nodiscard]] std::string canonical_json(const JobSpec& spec);
 /// SHA-256 (hex) of the part of the canonical form that decides the pixels of the EXR: without job,

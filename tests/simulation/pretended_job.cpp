@@ -66,7 +66,7 @@ void pretend_to_trace(const JobSpec& spec, std::uint64_t first, std::uint64_t co
       }
     }
     sums.rays += 100;
-    if (!path) sums.photon_paths += static_cast<std::uint64_t>(spec.integrator.photons);
+    if (!path) sums.photon_paths += static_cast<std::uint64_t>(photon_paths(spec));
   }
   sums.sub_passes += count;
 }

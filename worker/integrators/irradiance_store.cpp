@@ -21,7 +21,7 @@ std::uint64_t hash_of_options(const JobSpec& spec) {
       fmt::format("{} {}", static_cast<int>(spec.irradiance_cache.source), spec.integrator.max_depth);
   if (spec.irradiance_cache.source == GatherSource::kPhotonMap) {
     const JobSpec::PhotonMap& map = spec.photon_map;
-    text += fmt::format(" {} {} {} {}", spec.integrator.photons, map.nearest, map.max_distance,
+    text += fmt::format(" {} {} {} {}", photon_paths(spec), map.nearest, map.max_distance,
                         static_cast<int>(map.filter));
     text += spec.final_gather.precompute ? " precomputed" : "";
   }

@@ -32,11 +32,12 @@ std::unique_ptr<const ProjectionMap> projection_of(const Scene& scene, const Job
 
 TracedPhotons::TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose purpose, int max_depth) {
   const bool caustics = purpose == Purpose::kCaustics;
+  if (caustics && spec.photon_map.caustic_map == Switch::kOff) return;
   const auto projection = projection_of(scene, spec, purpose);
   PhotonOptions options;
   options.seed = spec.integrator.seed;
   options.paths =
-      static_cast<std::uint32_t>(caustics ? spec.photon_map.caustic_photons : spec.integrator.photons);
+      static_cast<std::uint32_t>(caustics ? spec.photon_map.caustic_photons : photon_paths(spec));
   options.max_depth = max_depth;
   options.direct = !caustics;
   options.caustics_only = caustics;
@@ -55,13 +56,13 @@ TileFigures TracedPhotons::figures() const {
 MapEstimate::MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit,
                          const Options& options)
     : map_(flows), options_(options), filter_(options.filter), flux_unit_(flux_unit) {
+  if (map_.empty()) return;  // reaches nowhere, so that nobody looks for edges on its behalf
   max_distance_ =
       options.max_distance > 0.0 ? static_cast<float>(options.max_distance) : choose_max_distance(scene);
 }
 
 float MapEstimate::choose_max_distance(const Scene& scene) const {
   const float largest = kLargestShare * 0.5f * length(scene.bounds().size());
-  if (map_.empty()) return largest;
   constexpr std::size_t kSamples = 255;
   const std::size_t samples = std::min(kSamples, map_.size());
   std::vector<float> radii2;

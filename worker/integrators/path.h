@@ -20,11 +20,11 @@ class PathIntegrator final : public Integrator {
   [[nodiscard]] FilmOptions film_options() const override { return film_; }
   [[nodiscard]] std::vector<ProgressivePixel> initial_radii() const override { return {}; }
   void run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const override;
-
- private:
+  /// Adds one sample of one pixel; `features` may be null.
   void trace(int x, int y, std::uint64_t sample, PixelSums& sums, FeatureSums* features,
              TileFigures& figures) const;
 
+ private:
   const Scene& scene_;
   Eye eye_;
   FilmOptions film_;

@@ -21,7 +21,7 @@ constexpr std::uint32_t kChunkPaths = 1024;
 constexpr std::uint32_t kBatchChunks = 32;
 
 PhotonOptions photon_options(const JobSpec& spec) {
-  return {spec.integrator.seed, static_cast<std::uint32_t>(spec.integrator.photons), spec.integrator.max_depth};
+  return {spec.integrator.seed, static_cast<std::uint32_t>(photon_paths(spec)), spec.integrator.max_depth};
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ DiscQuery query_at(const Vertex& vertex, float radius2) {
 }
 
 PhotonOptions photon_options(const JobSpec& spec) {
-  return {spec.integrator.seed, static_cast<std::uint32_t>(spec.integrator.photons), spec.integrator.max_depth};
+  return {spec.integrator.seed, static_cast<std::uint32_t>(photon_paths(spec)), spec.integrator.max_depth};
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,22 +8,32 @@
 
 #include "common/base/result.h"
 #include "common/spec/job_spec.h"
+#include "worker/plan/forecast.h"
+#include "worker/plan/pilot.h"
 #include "worker/plan/scene_facts.h"
 
 namespace pf {
 
 /// One choice and why it was made, in words.
 struct Decision {
-  std::string subject;  ///< "algorithm", "caustic statistics", ...
+  std::string subject;  ///< "algorithm", "caustic map", ...
   std::string choice;   ///< "sppm", "on", "off"
   std::string reason;
+};
+
+/// What a method would cost, as the pilot foretells it.
+struct Candidate {
+  IntegratorType method = IntegratorType::kPath;
+  Forecast forecast;
 };
 
 /// What is rendered how: an algorithm, and the terms that the scene needs. A term that is off costs nothing
 /// and changes no bit of the image.
 struct Plan {
   IntegratorType algorithm = IntegratorType::kPath;  ///< never kAuto
-  bool caustic_statistics = false;                   ///< keep photons that came by a specular surface apart
+  std::int64_t photons = 0;                          ///< paths of a sub-pass; 0: as the job has it
+  bool caustic_map = false;                          ///< some photon meets a mirror or glass first
+  bool projection_map = false;                       ///< photons only towards what the lights see
   bool environment = false;
   bool textures = false;
   bool normal_maps = false;
@@ -30,18 +41,35 @@ struct Plan {
   bool rough_lobes = false;
   bool media = false;  ///< absorption inside glass
   bool depth_of_field = false;
-  std::vector<Decision> decisions;  ///< the algorithm first, then each term in the order above
+  std::vector<Decision> decisions;  ///< the algorithm first, then photons, then each term in the order above
+  std::vector<Candidate> candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
   std::vector<std::string> warnings;
+
+  /// The forecast of the algorithm, where there is one.
+  [[nodiscard]] const Forecast* forecast() const;
+  /// The job with what it left open decided: what methods are made from.
+  [[nodiscard]] JobSpec resolve(const JobSpec& spec) const;
 };
 
-/// Decides from the job and the scene alone; same input, same plan.
-[[nodiscard]] Plan make_plan(const JobSpec& spec, const SceneFacts& facts);
+/// Decides from the job, the scene and its pilot alone; same input, same plan. What the job says outright is kept. Never looks
+/// at stop: a job that is made longer keeps its plan.
+[[nodiscard]] Plan make_plan(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot);
 
-/// What `photonfarm plan` prints: the job, the scene's facts, each decision with its reason.
-[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Plan& plan);
-/// The same as one JSON object with the keys job, scene, plan.
-[[nodiscard]] nlohmann::json plan_json(const JobSpec& spec, const SceneFacts& facts, const Plan& plan);
-/// One line for an image's metadata: `sppm; caustic statistics on; ...`.
+/// What `photonfarm plan` prints beside the plan: how fast this machine is.
+struct PilotTiming {
+  double seconds = 0;  ///< of the pilot, all threads
+  /// Seconds of one unit of Forecast's work, as the pilot found it.
+  [[nodiscard]] double per_work(const Pilot& pilot) const;
+};
+
+/// What `photonfarm plan` prints: the job, the scene's facts, the pilot's evidence, each decision with its reason, and when the
+/// image would reach stop.error, or kPlanTarget without one.
+[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
+                                    const PilotTiming& timing);
+/// The same as one JSON object with the keys job, scene, pilot, plan, forecast.
+[[nodiscard]] nlohmann::json plan_json(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
+                                       const PilotTiming& timing);
+/// One line for an image's metadata: `sppm; caustic map on; ...`.
 [[nodiscard]] std::string plan_line(const Plan& plan);
 
 }  // namespace pf

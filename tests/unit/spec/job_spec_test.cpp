@@ -55,6 +55,7 @@ eye_samples = 5
 hit_points = 6
 [photon_map]
 caustic_photons = 7
+caustic_map = "on"
 nearest = 8
 caustic_nearest = 9
 max_distance = 0.25
@@ -89,7 +90,7 @@ constexpr std::string_view kFullCanonical =
     R"("round_growth":0.5,"seed":9223372036854775807,"type":"sppm"},)"
     R"("irradiance_cache":{"error":0.25,"max_spacing":12.0,"min_spacing":2.0,"rays":11,"source":"path"},)"
     R"("job":{"name":"glass-caustic","priority":70},)"
-    R"("photon_map":{"caustic_nearest":9,"caustic_photons":7,"filter":"gaussian","max_distance":0.25,)"
+    R"("photon_map":{"caustic_map":"on","caustic_nearest":9,"caustic_photons":7,"filter":"gaussian","max_distance":0.25,)"
     R"("nearest":8,"projection_map":"off","show_map":true},)"
     R"("photon_splat":{"differentials":false,"kernel":"cone","smoothing":2.0},"ppm":{"eye_samples":5,"hit_points":6},)"
     R"("scene":{"camera":"Küche \"links\"","environment":"sky/Noon.HDR","environment_radiance":[],)"
@@ -272,9 +273,9 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 
 TEST(SpecHash, IsStable) {
   EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)),
-            "c1bd4ba888d8c796f2ddfb69acfbf8c420b2cdf37fdbb815e24be5d344ea18fd");
+            "77470b9164ea4e2f858108850310d47d2577295fe01edf791aa89cb49d1fec75");
   EXPECT_EQ(image_hash_of_spec(parsed(kFull)),
-            "43e8c49b959728ea4ecdb2e0b94108e5de1c3493b312ee11b4f69f1af8cae8ac");
+            "cde82eda7601e9e399cc519b557b194566f499dbe8217925be3ec60b981882d7");
 }
 
 TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
@@ -300,11 +301,27 @@ TEST(SpecHash, ChangesWithWhatDecidesTheImage) {
         "scene.focus_distance=2", "image.width=1", "image.height=1", "integrator.type=path",
         "integrator.mode=independent", "integrator.photons=1", "integrator.round_growth=1",
         "integrator.alpha=1", "integrator.initial_radius=1", "integrator.max_depth=1", "integrator.seed=2",
-        "ppm.hit_points=1", "integrator.error_estimate=true", "photon_map.nearest=1", "final_gather.precompute=false", "irradiance_cache.source=path",
+        "ppm.hit_points=1", "integrator.error_estimate=true", "photon_map.nearest=1", "photon_map.caustic_map=off", "final_gather.precompute=false", "irradiance_cache.source=path",
         "cache.file=a.pfcache", "photon_splat.kernel=cone"}) {
     EXPECT_NE(image_hash_of_spec(parsed(kMinimal, {argument})), image_hash_of_spec(parsed(kMinimal)))
         << argument;
   }
+}
+
+TEST(PhotonPaths, AreWhatTheJobSays) { EXPECT_EQ(photon_paths(parsed(kMinimal, {"integrator.photons=7"})), 7); }
+
+TEST(PhotonPaths, FollowTheImageWhereTheJobLeavesThemOpen) {
+  EXPECT_EQ(photon_paths(parsed(kMinimal, {"image.width=200", "image.height=100"})), 40000);
+  EXPECT_EQ(photon_paths(parsed(kMinimal, {"image.width=20", "image.height=10"})), 10000);
+  EXPECT_EQ(photon_paths(parsed(kMinimal, {"image.width=2000", "image.height=1000"})), 2000000);
+  EXPECT_EQ(photon_paths(parsed(kMinimal, {"integrator.type=photon_map"})), 500000);
+}
+
+TEST(PhotonPaths, MayBePlannedOnlyWhereTheJobLeavesThemOpen) {
+  EXPECT_TRUE(may_trace(parsed(kMinimal), 10000) && may_trace(parsed(kMinimal), 2000000));
+  EXPECT_FALSE(may_trace(parsed(kMinimal), 9999) || may_trace(parsed(kMinimal), 2000001));
+  EXPECT_FALSE(may_trace(parsed(kMinimal, {"integrator.photons=20000"}), 20001));
+  EXPECT_FALSE(may_trace(parsed(kMinimal, {"integrator.type=ppm"}), 10000));
 }
 
 class LoadJob : public testing::Test {

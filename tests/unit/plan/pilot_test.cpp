@@ -1,0 +1,101 @@
+#include "worker/plan/pilot.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include "tests/support/scenes.h"
+#include "worker/plan/plan.h"
+
+namespace pf::test {
+namespace {
+
+Pilot flown(const SceneMaker& maker, const JobSpec& spec = job(64, 48, IntegratorType::kAuto, 0)) {
+  const auto scene = maker.build();
+  return fly_pilot(*scene, scene->cameras().front(), spec);
+}
+
+std::string text_of(const Pilot& pilot) {
+  const JobSpec spec = job(64, 48, IntegratorType::kAuto, 0);
+  return plan_json(spec, SceneFacts{}, pilot, make_plan(spec, SceneFacts{}, pilot), PilotTiming{}).dump();
+}
+
+/// A floor of 4 m under a camera that sees nearly all of it.
+SceneMaker floor() {
+  SceneMaker maker;
+  maker.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, maker.lambert({0.5f, 0.5f, 0.5f}));
+  maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
+  return maker;
+}
+
+TEST(Pilot, IsTheSameOnAnyNumberOfThreads) {
+  const SceneMaker maker = peer_box(24);
+  std::vector<std::string> found;
+  for (const int threads : {1, 2, 5}) {
+    const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    arena.execute([&] { found.push_back(text_of(flown(maker))); });
+  }
+  EXPECT_EQ(found[0], found[1]);
+  EXPECT_EQ(found[0], found[2]);
+}
+
+TEST(Pilot, DoesNotHangOnTheJobsSeedOrStop) {
+  JobSpec other = job(64, 48, IntegratorType::kAuto, 0);
+  other.integrator.seed = 77;
+  other.stop.passes = 1;
+  other.stop.error = 0.5;
+  EXPECT_EQ(text_of(flown(diffuse_box())), text_of(flown(diffuse_box(), other)));
+}
+
+TEST(Pilot, CountsPhotonsThatMeetNothing) {
+  SceneMaker maker = floor();
+  maker.point_light({0, 1, 0}, 1);
+  // The floor fills this part of the sphere around the lamp: a square pyramid of half angles atan(2).
+  const double seen = 4 * std::asin(4.0 / 5.0) / (4 * 3.14159265358979);
+  EXPECT_NEAR(flown(maker).lost, 1 - seen, 0.02);
+}
+
+TEST(Pilot, SeesThatALampWithoutSizeMakesCausticsThatPathsMiss) {
+  SceneMaker maker = floor();
+  maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
+  maker.directional_light({0, -1, 0}, 1);
+  const Pilot pilot = flown(maker);
+  EXPECT_EQ(pilot.delta_flux, 1);
+  EXPECT_GT(pilot.light[kCaustic], 0);
+  EXPECT_EQ(pilot.path_light[kCaustic], 0);
+  EXPECT_EQ(pilot.missed(kCaustic), 1);
+}
+
+TEST(Pilot, SeesThatPathsFindTheCausticsOfTheSky) {
+  SceneMaker maker = floor();
+  maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
+  maker.environment({1, 1, 1});
+  const Pilot pilot = flown(maker);
+  EXPECT_EQ(pilot.sky_flux, 1);
+  EXPECT_GT(pilot.light[kCaustic], 0);
+  EXPECT_EQ(pilot.missed(kCaustic), 0);
+}
+
+TEST(Pilot, TellsWhatIsSeenFirst) {
+  SceneMaker maker;
+  maker.quad({-9, 0, 9}, {18, 0, 0}, {0, 0, -18}, maker.mirror());
+  maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
+  maker.point_light({0, 1, 0}, 1);
+  EXPECT_DOUBLE_EQ(flown(maker).specular, 1);
+  SceneMaker diffuse = floor();
+  diffuse.point_light({0, 1, 0}, 1);
+  const Pilot pilot = flown(diffuse);
+  EXPECT_EQ(pilot.specular + pilot.glossy, 0);
+  EXPECT_NEAR(pilot.diffuse + pilot.nothing, 1, 1e-12);
+}
+
+TEST(Pilot, MeasuresTheNoiseOfDirectLightFromASampleToTheNext) {
+  SceneMaker steady = floor();
+  steady.directional_light({0, -1, 0}, 1);
+  EXPECT_LT(flown(steady).direct_noise, 0.05);  // the floor's edge alone
+  EXPECT_GT(flown(diffuse_box()).path_noise, flown(diffuse_box()).direct_noise);
+}
+
+}  // namespace
+}  // namespace pf::test

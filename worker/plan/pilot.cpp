@@ -1,0 +1,307 @@
+#include "worker/plan/pilot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/base/parallel.h"
+#include "worker/integrators/eye_paths.h"
+#include "worker/integrators/map_estimate.h"
+#include "worker/integrators/path.h"
+
+namespace pf {
+namespace {
+
+/// Of the eye samples of a pixel those that also ask the photons, which cost more than the rest of the sample.
+constexpr int kGatherSamples = 4;
+/// Photons of a density estimate: 17 % noise at a place, far less in the mean over all places.
+constexpr std::uint32_t kNearest = 36;
+/// Emissions by which the lamps are told apart.
+constexpr std::uint32_t kEmissions = 4096;
+/// Added to squared radiance in relMSE (common/film/metrics.h).
+constexpr double kOffset = 0.01;
+constexpr std::uint64_t kSeed = 1;
+
+/// First discs of progressive photon mapping, roughly (ProgressiveMapping::first_radius2): photons wanted of 500,000 paths, and
+/// radii in pixel footprints.
+struct DiscRule {
+  double photons, least, most;
+};
+constexpr std::array<DiscRule, kFlows> kDiscs{DiscRule{12.0, 0.75, 3.0}, DiscRule{400.0, 1.0, 16.0}};
+constexpr double kDiscPaths = 500000.0;
+
+double lum(const Rgb& c) { return static_cast<double>(luminance(c)); }
+
+void look_at_lamps(const Scene& scene, Pilot& pilot) {
+  const Lights& lights = scene.lights();
+  pilot.flux = static_cast<double>(average(lights.total_flux()));
+  const auto triangles = static_cast<std::uint32_t>(lights.triangle_count());
+  const std::uint32_t sky = triangles + static_cast<std::uint32_t>(lights.punctual_count());
+  double all = 0, delta = 0, environment = 0, lamps = 0, radiance = 0;
+  for (std::uint32_t i = 0; i < kEmissions; ++i) {
+    const float u = (static_cast<float>(i) + 0.5f) / kEmissions;
+    const auto picked = lights.emit(u, {0.5f, 0.5f}, {0.5f, 0.5f});
+    if (!picked) continue;
+    const double flux = static_cast<double>(average(picked->emission.flux));
+    all += flux;
+    if (picked->triangle >= 0) {
+      lamps += flux;
+      radiance += flux * lum(lights.triangle(static_cast<std::uint32_t>(picked->triangle)).radiance);
+    } else {
+      (picked->emission.light >= sky ? environment : delta) += flux;
+    }
+  }
+  if (all <= 0.0) return;
+  pilot.delta_flux = delta / all;
+  pilot.sky_flux = environment / all;
+  pilot.lamp_radiance = lamps > 0.0 ? radiance / lamps : 0.0;
+}
+
+struct PilotMaps {
+  std::array<MapEstimate, kFlows> of;
+};
+
+PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
+  PhotonOptions options;
+  options.seed = kSeed;
+  options.paths = kPilotPhotons;
+  options.max_depth = spec.integrator.max_depth;
+  const PhotonTracer tracer(scene, options);
+  const PhotonBatch batch = tracer.trace(0);
+  PilotMaps maps;
+  pilot.photon_paths = kPilotPhotons;
+  pilot.lost = static_cast<double>(batch.lost) / kPilotPhotons;
+  pilot.photon_rays = static_cast<double>(batch.rays) / kPilotPhotons;
+  for (const Flow flow : {kCaustic, kIndirect}) {
+    pilot.stored[flow] = static_cast<double>(batch.flows[flow].size()) / kPilotPhotons;
+    const PhotonArrays* arrays[] = {&batch.flows[flow]};
+    maps.of[flow] = MapEstimate(scene, arrays, tracer.flux_unit(), {.nearest = kNearest, .filter = PhotonFilter::kDisc});
+  }
+  return maps;
+}
+
+/// What the eye samples of one pixel found: sums over its samples.
+struct PixelFindings {
+  double nothing = 0, diffuse = 0, glossy = 0, specular = 0;
+  double direct = 0, direct_square = 0;
+  double gathers = 0;
+  std::array<double, kFlows> light{}, reflectance{};  ///< of the samples that ask the photons
+  std::array<double, kFlows> density{}, weight{};     ///< photons per m^2 and path, weighed by light
+  std::array<double, kFlows> footprint{};             ///< m, likewise
+  double mirrored = 0;
+  double path = 0, path_square = 0;
+  std::array<double, kFlows> path_light{};
+  TileFigures eye, traced;
+  /// The first gather place of the first sample, where it is a Lambert surface seen directly.
+  Vec3f normal{0, 0, 0};
+  double irradiance = 0;
+};
+
+struct PilotSink {
+  const Scene& scene;
+  const Eye& eye;
+  const PilotMaps& maps;
+  PixelFindings& found;
+  bool asks = false;     ///< this sample asks the photons
+  double radiance = 0;   ///< of this sample: what photon mapping samples from the eye
+
+  void ray() { ++found.eye.rays; }
+  void escape(const EyeWalk& walk) {
+    radiance += lum(environment_seen(scene, walk));
+    found.nothing += walk.bounce == 0 ? 1.0 : 0.0;
+  }
+  void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
+    radiance += lum(emission_seen(scene, point, wo, walk));
+  }
+  void first_hit(const Vertex& vertex, float) {
+    const Bsdf& bsdf = vertex.bsdf;
+    const double gathered = static_cast<double>(average(bsdf.albedo(Portion::kGather)));
+    const double followed = static_cast<double>(average(bsdf.albedo(Portion::kFollow)));
+    if (bsdf.is_delta_only()) {
+      found.specular += 1.0;
+    } else if (!bsdf.gather_is_lambert() || gathered + followed <= 0.0) {
+      (bsdf.is_black() ? found.diffuse : found.glossy) += 1.0;
+    } else {
+      const double share = gathered / (gathered + followed);
+      found.diffuse += share;
+      (bsdf.has_delta() ? found.specular : found.glossy) += 1.0 - share;
+    }
+  }
+  void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
+    radiance += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, found.eye.rays));
+  }
+  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk) {
+    found.gathers += 1.0;
+    if (!asks) return;
+    const double reflectance = lum(beta * vertex.bsdf.albedo(Portion::kGather));
+    for (const Flow flow : {kCaustic, kIndirect}) {
+      const MapEstimate& map = maps.of[flow];
+      if (map.empty()) continue;
+      const double light = lum(beta * map.radiance(scene, vertex, Portion::kGather, kInfinity, u, found.eye));
+      found.light[flow] += light;
+      found.reflectance[flow] += light * reflectance;
+      if (flow == kCaustic && walk.bounce > 0) found.mirrored += light;
+      thread_local NearestPhotons answer;
+      const float reach = map.max_distance();
+      map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false}, answer);
+      const double area = static_cast<double>(kPi * answer.radius2);
+      if (light <= 0.0 || area <= 0.0) continue;
+      found.density[flow] += light * static_cast<double>(answer.count) / (area * kPilotPhotons);
+      found.footprint[flow] += light * static_cast<double>(eye.camera().footprint(walk.distance));
+      found.weight[flow] += light;
+    }
+    if (found.irradiance > 0.0 || walk.bounce > 0 || !vertex.bsdf.gather_is_lambert()) return;
+    found.normal = vertex.bsdf.ng();
+    found.irradiance = lum(maps.of[kIndirect].irradiance(vertex.point.position, found.normal).irradiance);
+  }
+};
+
+/// The pixels of a grid with about kPilotPixels cells of the image's shape, one in the middle of each.
+struct Grid {
+  int columns = 1, rows = 1, width = 1, height = 1;
+  Grid(int w, int h) : width(w), height(h) {
+    const double edge = std::sqrt(static_cast<double>(w) * h / kPilotPixels);
+    columns = std::clamp(static_cast<int>(std::lround(w / std::max(edge, 1.0))), 1, w);
+    rows = std::clamp(kPilotPixels / columns, 1, h);
+    columns = std::clamp(kPilotPixels / rows, 1, w);
+  }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows); }
+  [[nodiscard]] int x(std::size_t i) const { return middle(static_cast<int>(i % static_cast<std::size_t>(columns)), columns, width); }
+  [[nodiscard]] int y(std::size_t i) const { return middle(static_cast<int>(i / static_cast<std::size_t>(columns)), rows, height); }
+
+ private:
+  static int middle(int cell, int cells, int length) {
+    return static_cast<int>((2 * static_cast<std::int64_t>(cell) + 1) * length / (2 * cells));
+  }
+};
+
+PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& paths, const PilotMaps& maps, int max_depth, int x,
+                   int y) {
+  PixelFindings found;
+  const EyePaths eye_paths(scene, eye, max_depth);
+  const SumScale scale = paths.film_options().scale;
+  for (int s = 0; s < kPilotSamples; ++s) {
+    PilotSink sink{scene, eye, maps, found, s < kGatherSamples};
+    eye_paths.follow(x, y, static_cast<std::uint64_t>(s), sink);
+    found.direct += sink.radiance;
+    found.direct_square += sink.radiance * sink.radiance;
+    PixelSums sums;
+    paths.trace(x, y, static_cast<std::uint64_t>(s), sums, nullptr, found.traced);
+    const auto light = [&](const std::array<std::int64_t, 3>& rgb, double step) {
+      return lum(Rgb(static_cast<float>(static_cast<double>(rgb[0]) * step), static_cast<float>(static_cast<double>(rgb[1]) * step),
+                     static_cast<float>(static_cast<double>(rgb[2]) * step)));
+    };
+    double radiance = light(sums.direct, scale.radiance);
+    for (const Flow flow : {kCaustic, kIndirect}) {
+      const double of_flow = light(sums.flow[flow], scale.flow);
+      found.path_light[flow] += of_flow;
+      radiance += of_flow;
+    }
+    found.path += radiance;
+    found.path_square += radiance * radiance;
+  }
+  return found;
+}
+
+/// Photons that a first disc holds where `density` photons of a path lie on a square metre.
+double photons_in_disc(const DiscRule& rule, double density, double footprint, double paths) {
+  const double wanted = rule.photons * std::pow(paths / kDiscPaths, 2.0 / 3.0);
+  const double of_footprint = density * paths * static_cast<double>(kPi) * footprint * footprint;
+  return std::max(1.0, std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
+}
+
+double variance(double sum, double sum_of_squares) {
+  const double mean = sum / kPilotSamples;
+  return std::max(0.0, (sum_of_squares / kPilotSamples - mean * mean) * kPilotSamples / (kPilotSamples - 1));
+}
+
+void add_pixel(const PixelFindings& found, double paths, Pilot& pilot) {
+  pilot.nothing += found.nothing / kPilotSamples;
+  pilot.diffuse += found.diffuse / kPilotSamples;
+  pilot.glossy += found.glossy / kPilotSamples;
+  pilot.specular += found.specular / kPilotSamples;
+  pilot.gathers += found.gathers / kPilotSamples;
+  pilot.eye_rays += static_cast<double>(found.eye.rays) / kPilotSamples;
+  pilot.path_rays += static_cast<double>(found.traced.rays) / kPilotSamples;
+  pilot.direct += found.direct / kPilotSamples;
+  pilot.mirrored_caustic += found.mirrored / kGatherSamples;
+  double reference = found.direct / kPilotSamples;
+  std::array<double, kFlows> light;
+  for (const Flow flow : {kCaustic, kIndirect}) {
+    light[flow] = found.light[flow] / kGatherSamples;
+    reference += light[flow];
+    pilot.light[flow] += light[flow];
+    pilot.path_light[flow] += found.path_light[flow] / kPilotSamples;
+  }
+  const double scale = 1.0 / (reference * reference + kOffset);
+  pilot.path_noise += scale * variance(found.path, found.path_square);
+  pilot.direct_noise += scale * variance(found.direct, found.direct_square);
+  pilot.caustic_moment += scale * found.reflectance[kCaustic] / kGatherSamples;
+  pilot.caustic_square += scale * light[kCaustic] * light[kCaustic];
+  pilot.indirect_moment += scale * found.reflectance[kIndirect] / kGatherSamples;
+  pilot.indirect_square += scale * light[kIndirect] * light[kIndirect];
+  for (const Flow flow : {kCaustic, kIndirect}) {
+    if (found.weight[flow] <= 0.0) continue;
+    const double photons = photons_in_disc(kDiscs[flow], found.density[flow] / found.weight[flow],
+                                           found.footprint[flow] / found.weight[flow], paths);
+    pilot.photon_noise[flow] += scale * light[flow] * light[flow] / photons;
+  }
+}
+
+/// Mean of |a - b| / (a + b) over neighbours that face the same way.
+double roughness_of(const std::vector<PixelFindings>& found, int columns) {
+  double sum = 0;
+  int pairs = 0;
+  const auto compare = [&](const PixelFindings& a, const PixelFindings& b) {
+    if (a.irradiance <= 0.0 || b.irradiance <= 0.0 || dot(a.normal, b.normal) < 0.9f) return;
+    sum += std::abs(a.irradiance - b.irradiance) / (a.irradiance + b.irradiance);
+    ++pairs;
+  };
+  const auto width = static_cast<std::size_t>(columns);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if ((i + 1) % width != 0 && i + 1 < found.size()) compare(found[i], found[i + 1]);
+    if (i + width < found.size()) compare(found[i], found[i + width]);
+  }
+  return pairs > 0 ? sum / pairs : 1.0;
+}
+
+}  // namespace
+
+double Pilot::missed(Flow flow) const {
+  if (light[flow] <= 0.0) return 0.0;
+  constexpr double kOwnNoise = 0.2;  // of both means, seen on the example scenes
+  const double missing = 1.0 - path_light[flow] / light[flow];
+  return missing < kOwnNoise ? 0.0 : missing;
+}
+
+Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
+  Pilot pilot;
+  look_at_lamps(scene, pilot);
+  const PilotMaps maps = trace_photons(scene, spec, pilot);
+  const Grid grid(spec.image.width, spec.image.height);
+  JobSpec own = spec;  // the job's seed changes noise, not what the scene needs
+  own.integrator.seed = kSeed;
+  const Eye eye(scene, camera, spec.image.width, spec.image.height, kSeed);
+  const PathIntegrator paths(scene, camera, own);
+  std::vector<PixelFindings> found(grid.size());
+  parallel_for(found.size(), [&](std::size_t i) {
+    found[i] = look(scene, eye, paths, maps, spec.integrator.max_depth, grid.x(i), grid.y(i));
+  });
+  pilot.pixels = static_cast<std::uint32_t>(found.size());
+  pilot.samples = kPilotSamples;
+  for (const PixelFindings& pixel : found) add_pixel(pixel, static_cast<double>(photon_paths(spec)), pilot);
+  const double share = 1.0 / static_cast<double>(found.size());
+  for (double* mean : {&pilot.nothing, &pilot.diffuse, &pilot.glossy, &pilot.specular, &pilot.path_rays, &pilot.eye_rays, &pilot.gathers,
+                       &pilot.direct, &pilot.light[kCaustic], &pilot.light[kIndirect], &pilot.path_light[kCaustic],
+                       &pilot.path_light[kIndirect], &pilot.mirrored_caustic, &pilot.path_noise, &pilot.direct_noise,
+                       &pilot.caustic_moment, &pilot.caustic_square, &pilot.indirect_moment, &pilot.indirect_square,
+                       &pilot.photon_noise[kCaustic], &pilot.photon_noise[kIndirect]}) {
+    *mean *= share;
+  }
+  pilot.roughness = roughness_of(found, grid.columns);
+  return pilot;
+}
+
+}  // namespace pf
