@@ -66,6 +66,8 @@ class Farm {
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(const std::string& id) const;
   [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) const;
   [[nodiscard]] Result<std::string> preview_png(const std::string& id) const;
+  [[nodiscard]] Result<LayerList> layers(const std::string& id) const;
+  [[nodiscard]] Result<LayerPixels> pixels(const std::string& id, const std::string& layer, int max_width) const;
   [[nodiscard]] Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) const;
   [[nodiscard]] std::vector<WorkerView> workers() const { return registry_.views(clock_.now()); }
   [[nodiscard]] Result<WorkerView> steer(const std::string& worker, WorkerVerb verb, const std::string& by);
@@ -97,6 +99,8 @@ class Farm {
   void send(const std::string& worker, const wire::ToWorker& message);
   void note_ended();
   [[nodiscard]] FarmJob* find(const std::string& id) const;
+  /// The film of a job that has an image.
+  [[nodiscard]] Result<const Film*> film_of(const std::string& id) const;
   [[nodiscard]] JobSurroundings surroundings();
   /// Of those that run now: a job that comes starts level with it, and neither waits for nor makes up what was before.
   [[nodiscard]] double least_share() const;

@@ -163,6 +163,12 @@ Result<std::filesystem::path> FarmProcess::artifact(const std::string& id, Artif
 Result<std::string> FarmProcess::preview_png(const std::string& id) {
   return ask([id](Farm& farm) { return farm.preview_png(id); });
 }
+Result<LayerList> FarmProcess::layers(const std::string& id) {
+  return ask([id](Farm& farm) { return farm.layers(id); });
+}
+Result<LayerPixels> FarmProcess::pixels(const std::string& id, const std::string& layer, int max_width) {
+  return ask([=](Farm& farm) { return farm.pixels(id, layer, max_width); });
+}
 Result<std::vector<LogEntry>> FarmProcess::logs(const std::string& id, std::uint64_t after) {
   return ask([id, after](Farm& farm) { return farm.logs(id, after); });
 }

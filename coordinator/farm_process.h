@@ -51,6 +51,8 @@ class FarmProcess final : public JobService {
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(const std::string& id) override;
   [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override;
   [[nodiscard]] Result<std::string> preview_png(const std::string& id) override;
+  [[nodiscard]] Result<LayerList> layers(const std::string& id) override;
+  [[nodiscard]] Result<LayerPixels> pixels(const std::string& id, const std::string& layer, int max_width) override;
   [[nodiscard]] Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) override;
   [[nodiscard]] std::vector<WorkerView> workers() override;
   [[nodiscard]] Result<WorkerView> steer(const std::string& worker, WorkerVerb verb, const std::string& by) override;

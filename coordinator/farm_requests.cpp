@@ -248,6 +248,29 @@ Result<std::filesystem::path> Farm::artifact(const std::string& id, Artifact kin
   return file;
 }
 
+Result<const Film*> Farm::film_of(const std::string& id) const {
+  const FarmJob* job = find(id);
+  if (job == nullptr) return unknown_job(id);
+  if (job->film() == nullptr || job->film()->sub_passes() == 0) {
+    return fail(ErrorKind::kUnavailable, fmt::format("{}: there is no image yet; the job is {}", id, to_string(job->record().state)));
+  }
+  return job->film();
+}
+
+Result<LayerList> Farm::layers(const std::string& id) const {
+  const auto film = film_of(id);
+  if (!film) return tl::unexpected(film.error());
+  return layer_list((*film)->image_rows());
+}
+
+Result<LayerPixels> Farm::pixels(const std::string& id, const std::string& layer, int max_width) const {
+  const auto film = film_of(id);
+  if (!film) return tl::unexpected(film.error());
+  auto pixels = layer_pixels((*film)->image_rows(), layer, max_width);
+  if (pixels) pixels->passes = (*film)->sub_passes();
+  return pixels;
+}
+
 Result<std::string> Farm::preview_png(const std::string& id) const {
   const FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
@@ -256,11 +279,10 @@ Result<std::string> Farm::preview_png(const std::string& id) const {
     constexpr std::uint64_t kMaxPngBytes = std::uint64_t{1} << 31;
     return file ? read_file(*file, kMaxPngBytes, ErrorKind::kInternal) : tl::unexpected(file.error());
   }
-  if (job->film() == nullptr || job->film()->sub_passes() == 0) {
-    return fail(ErrorKind::kUnavailable, fmt::format("{}: there is no image yet; the job is {}", id, to_string(job->record().state)));
-  }
+  const auto film = film_of(id);
+  if (!film) return tl::unexpected(film.error());
   const auto file = job->folder() / "preview.png";
-  auto written = write_png(file, job->film()->image_rows(), static_cast<float>(job->record().spec.image.exposure));
+  auto written = write_png(file, (*film)->image_rows(), static_cast<float>(job->record().spec.image.exposure));
   if (!written) return tl::unexpected(written.error());
   return read_file(file, std::uint64_t{1} << 31, ErrorKind::kInternal);
 }

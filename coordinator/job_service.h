@@ -11,6 +11,7 @@
 #include "common/base/result.h"
 #include "common/wire/blob_store.h"
 #include "coordinator/job_state.h"
+#include "coordinator/layer_pixels.h"
 
 namespace pf {
 
@@ -163,6 +164,10 @@ class JobService {
   [[nodiscard]] virtual Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) = 0;
   /// The image so far. Errors: kUnavailable before the first sub-pass.
   [[nodiscard]] virtual Result<std::string> preview_png(const std::string& id) = 0;
+  /// The layers of a running job's image, and one of them for looking at. Errors: kUnavailable before the first sub-pass, and
+  /// once the job holds no film any more: then the EXR is the image; kInvalidInput when there is no such layer.
+  [[nodiscard]] virtual Result<LayerList> layers(const std::string& id) = 0;
+  [[nodiscard]] virtual Result<LayerPixels> pixels(const std::string& id, const std::string& layer, int max_width) = 0;
   /// Entries after `after`, at most 1000.
   [[nodiscard]] virtual Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) = 0;
   [[nodiscard]] virtual std::vector<WorkerView> workers() = 0;

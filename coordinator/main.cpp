@@ -19,6 +19,7 @@
 #include "coordinator/farm_process.h"
 #include "coordinator/http/server.h"
 #include "coordinator/http/webhook.h"
+#include "coordinator/web/web_files.h"
 
 namespace {
 
@@ -79,6 +80,7 @@ int serve(const Options& options) {
   http.metrics = &metrics;
   http.state = options.state;
   http.blobs = farm.state / "blobs";
+  http.web = pf::web_files();
   auto server = pf::HttpServer::start(http, **process, log);
   if (!server) return report_error(server.error());
   log.info("listening", {{"url", (*server)->url()}, {"build", pf::kBuildId}});

@@ -208,11 +208,17 @@ Result<void> run_farm(const Context& context, const FarmOptions& options) {
   Supervisor::Options run;
   run.services = std::move(*services);
   run.watched = url;
-  run.appeared = [&] {
-    std::string text = read_file(url, 4096).value_or("?");
+  const auto line_of = [](const fs::path& file) {
+    std::string text = read_file(file, 4096).value_or("?");
     text.erase(text.find_last_not_of('\n') + 1);
+    return text;
+  };
+  run.appeared = [&] {
+    const std::string text = line_of(url);
     say(fmt::format("ready: {}, engine {}, {} workers of {} threads, state and logs in {}", text, plan.engine_text(),
                     options.workers, options.threads, options.state.string()));
+    // For the one who sits there: a log is no place for a token.
+    if (context.terminal) say(fmt::format("dashboard: {}/#token={}", text, line_of(options.state / "token")));
   };
   run.say = say;
   Supervisor supervisor(std::move(run));

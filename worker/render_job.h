@@ -12,6 +12,7 @@
 #include "common/film/render_result.h"
 #include "common/spec/job_spec.h"
 #include "worker/integrators/integrator.h"
+#include "worker/photon/irradiance_parts.h"
 #include "worker/plan/plan.h"
 #include "worker/progress.h"
 #include "worker/scene/scene.h"

@@ -129,15 +129,20 @@ struct Extent {
           {std::min(data.max.x, display.max.x), std::min(data.max.y, display.max.y)}};
 }
 
-void allocate(LayeredImage& image) {
+using LayerChoice = std::optional<std::string>;
+[[nodiscard]] bool is_chosen(const Layer& layer, const LayerChoice& only) { return !only || layer.name == *only; }
+
+void allocate(LayeredImage& image, const LayerChoice& only = {}) {
   for (Layer& layer : image.layers) {
-    layer.data.assign(layer.channels.size() * image.width * image.height, 0.0f);
+    if (is_chosen(layer, only)) layer.data.assign(layer.channels.size() * image.width * image.height, 0.0f);
   }
 }
 
-[[nodiscard]] LayeredImage read_layers(Imf::MultiPartInputFile& input, LayeredImage image) {
+[[nodiscard]] LayeredImage read_layers(Imf::MultiPartInputFile& input, LayeredImage image, const LayerChoice& only) {
   const Imf::Header& header = input.header(0);
-  const std::vector<Target> targets = lay_out(header.channels(), image);
+  std::vector<Target> targets = lay_out(header.channels(), image);
+  std::erase_if(targets, [&](const Target& target) { return !is_chosen(image.layers[target.layer], only); });
+  if (targets.empty()) return image;
   const Imath::Box2i data = header.dataWindow();
   const Imath::V2i origin = header.displayWindow().min;
   const Imath::Box2i wanted = overlap(header);
@@ -160,7 +165,7 @@ void allocate(LayeredImage& image) {
     part.setFrameBuffer(frame);
     part.readPixels(first, last);
     // Only once a first block has proved to be there: a short file with a huge header stays cheap.
-    if (!allocated) allocate(image);
+    if (!allocated) allocate(image, only);
     allocated = true;
     for (std::size_t t = 0; t < targets.size(); ++t) {
       Layer& layer = image.layers[targets[t].layer];
@@ -174,7 +179,7 @@ void allocate(LayeredImage& image) {
       }
     }
   }
-  if (!allocated) allocate(image);
+  if (!allocated) allocate(image, only);
   return image;
 }
 
@@ -212,7 +217,7 @@ void allocate(LayeredImage& image) {
   return image;
 }
 
-[[nodiscard]] Result<LayeredImage> read_file_of_layers(const std::filesystem::path& file) {
+[[nodiscard]] Result<LayeredImage> read_file_of_layers(const std::filesystem::path& file, const LayerChoice& only) {
   std::error_code ignored;
   if (!std::filesystem::exists(file, ignored)) return unreadable("no such file");
   if (!std::filesystem::is_regular_file(file, ignored)) return unreadable("not a regular file");
@@ -233,15 +238,15 @@ void allocate(LayeredImage& image) {
   }
   if (has_chroma(header.channels()) || is_subsampled(header.channels()))
     return read_chroma(file, std::move(image));
-  return read_layers(input, std::move(image));
+  return read_layers(input, std::move(image), only);
 }
 
 }  // namespace
 
-Result<LayeredImage> read_exr(const std::filesystem::path& file) {
+Result<LayeredImage> read_exr(const std::filesystem::path& file, const std::optional<std::string>& only) {
   std::string what;
   try {
-    Result<LayeredImage> image = read_file_of_layers(file);
+    Result<LayeredImage> image = read_file_of_layers(file, only);
     if (image) return image;
     what = image.error().message;
   } catch (const std::bad_alloc&) {

@@ -15,6 +15,10 @@ ImageRows rows_of(const LayeredImage& image) {
   const auto rows = [&image](int first, int count) {
     std::vector<Layer> block;
     for (const Layer& layer : image.layers) {
+      if (layer.data.empty()) {  // read_exr was asked for another one
+        block.push_back(layer);
+        continue;
+      }
       const auto row = static_cast<std::ptrdiff_t>(layer.channels.size()) * image.width;
       const auto begin = layer.data.begin() + row * first;
       block.push_back({layer.name, layer.channels, {begin, begin + row * count}});

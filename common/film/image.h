@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -63,7 +64,8 @@ inline constexpr std::uint64_t kMaxImageFloats = std::uint64_t{1} << 29;
 /// name; channels in the order R, G, B, then by name, then A. Luminance-chroma files (Y, RY, BY) become R, G,
 /// B of half precision. Deep data, and subsampled channels of other names, are refused. Errors: kInvalidInput
 /// naming the file.
-[[nodiscard]] Result<LayeredImage> read_exr(const std::filesystem::path& file);
+/// Given `only`, the name of a layer, the others have channels but no data.
+[[nodiscard]] Result<LayeredImage> read_exr(const std::filesystem::path& file, const std::optional<std::string>& only = {});
 
 /// The colours of a layer that has channels R, G and B, or of a grey one with Y alone. Errors: kInvalidInput,
 /// without the file's name.

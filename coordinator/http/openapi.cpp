@@ -40,6 +40,7 @@ constexpr std::array kObjects{
     ObjectSchema{"UnitPage", "units:Unit[] after:integer?"},
     ObjectSchema{"Point", "seconds:number passes:integer rounds:integer rays:integer estimated_error:number?"},
     ObjectSchema{"Convergence", "points:Point[]"},
+    ObjectSchema{"Layers", "layers:string[] channels:LayerChannels width:integer height:integer"},
     ObjectSchema{"Worker",
                  "name:string host:string process:integer state:string message:string job_id:string units_held:integer rays:integer "
                  "sub_passes:integer seconds_since_heard:number?"},
@@ -68,6 +69,8 @@ constexpr std::array kParameters{
     Parameter{"limit", "integer", "the latest so many: 1 to 1000"},
     Parameter{"before", "string", "id: only jobs submitted before this one"},
     Parameter{"after", "integer", "only what comes after this one: a log entry's number, a unit's first sub-pass"},
+    Parameter{"layer", "string", "as /layers names it; else beauty"},
+    Parameter{"max_width", "integer", "of the pixels sent: 1 to 2048, else 960"},
     Parameter{"follow", "integer", "1: go on until the job has ended"},
 };
 
@@ -113,6 +116,9 @@ constexpr std::array kOperations{
     Operation{"GET", "/v1/jobs/{id}/checkpoint", "checkpoint", "The film's latest checkpoint", "read", "", "", "", 200,
               "application/octet-stream"},
     Operation{"GET", "/v1/jobs/{id}/preview.png", "preview", "The image so far", "read", "", "", "", 200, "image/png"},
+    Operation{"GET", "/v1/jobs/{id}/layers", "layers", "The layers of the image so far", "read", "", "", "Layers"},
+    Operation{"GET", "/v1/jobs/{id}/pixels", "pixels", "A layer for a screen: half floats, RGB, row by row, little-endian; the headers tell its size",
+              "read", "layer max_width", "", "", 200, "application/octet-stream"},
     Operation{"GET", "/v1/workers", "workers", "All workers that were heard", "read", "", "", "WorkerList"},
     Operation{"POST", "/v1/workers/{name}/drain", "drain", "Let a worker finish what it has and take no more", "admin", "", "", "Worker"},
     Operation{"POST", "/v1/workers/{name}/disable", "disable", "The same, and what it has goes to others at once", "admin", "", "", "Worker"},
@@ -162,6 +168,7 @@ json schemas() {
   for (const JobState state : all_job_states()) states.push_back(to_string(state));
   all["JobState"] = {{"type", "string"}, {"enum", std::move(states)}};
   all["Role"] = {{"type", "string"}, {"enum", {"read", "submit", "admin"}}};
+  all["LayerChannels"] = {{"type", "object"}, {"additionalProperties", schema_of_type("string[]")}};
   all["JobModel"] = json::parse(job_json_schema());
   all["Problem"] = {{"type", "object"},
                     {"description", "RFC 9457"},

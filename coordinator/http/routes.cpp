@@ -97,7 +97,8 @@ HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std
       tokens_(std::move(tokens)),
       metrics_(options_.metrics != nullptr ? *options_.metrics : own_metrics_),
       limiter_(options_.limits.requests_per_second, options_.limits.request_burst,
-               options_.clock != nullptr ? *options_.clock : system_clock_) {}
+               options_.clock != nullptr ? *options_.clock : system_clock_),
+      pixel_cache_(options_.pixel_cache_bytes) {}
 
 std::span<const HttpRoutes::Route> HttpRoutes::routes() {
   static constexpr std::array kRoutes = {
@@ -123,6 +124,8 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"GET", "/v1/jobs/{}/figures.json", &HttpRoutes::figures},
       Route{"GET", "/v1/jobs/{}/checkpoint", &HttpRoutes::checkpoint},
       Route{"GET", "/v1/jobs/{}/preview.png", &HttpRoutes::preview},
+      Route{"GET", "/v1/jobs/{}/layers", &HttpRoutes::layers},
+      Route{"GET", "/v1/jobs/{}/pixels", &HttpRoutes::pixels},
       Route{"GET", "/v1/workers", &HttpRoutes::list_workers},
       Route{"POST", "/v1/workers/{}/drain", &HttpRoutes::drain_worker},
       Route{"POST", "/v1/workers/{}/disable", &HttpRoutes::disable_worker},
@@ -160,6 +163,10 @@ HttpReply HttpRoutes::answer(HttpRequest request) {
 
 HttpReply HttpRoutes::route(HttpRequest& request, std::string_view& answering) {
   if (auto refused = refused_access(request, *tokens_, limiter_)) return std::move(*refused);
+  if (auto page = web_reply(options_.web, request)) {
+    answering = "/";
+    return std::move(*page);
+  }
   if (!request.path.starts_with('/'))
     return problem(404, "not-found", "no such address; expected one below /v1/");
   const std::vector<std::string_view> parts = parts_of(request.path);

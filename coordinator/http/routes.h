@@ -20,6 +20,8 @@
 #include "coordinator/config.h"
 #include "coordinator/http/access.h"
 #include "coordinator/http/message.h"
+#include "coordinator/http/pixel_cache.h"
+#include "coordinator/http/web_routes.h"
 #include "coordinator/job_service.h"
 #include "coordinator/metrics.h"
 
@@ -47,6 +49,8 @@ class HttpRoutes {
     std::uint64_t max_body_bytes = 8 << 20;  ///< of what is no blob
     int max_streams = 256;                   ///< events and logs being followed at a time
     double heartbeat_seconds = 15;           ///< of silence after which a stream shows that it lives
+    std::span<const WebFile> web{};           ///< the dashboard; may be empty
+    std::uint64_t pixel_cache_bytes = 96 << 20;
   };
   /// `stop` ends streams. Errors: those of BlobStore::open.
   [[nodiscard]] static Result<std::unique_ptr<HttpRoutes>> make(Options options, JobService& service,
@@ -102,6 +106,8 @@ class HttpRoutes {
   [[nodiscard]] HttpReply artifact(const HttpRequest&, const std::string& id, Artifact kind,
                                    std::string_view type);
   [[nodiscard]] HttpReply preview(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply layers(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply pixels(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_workers(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply drain_worker(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply disable_worker(const HttpRequest&, const Captures&);
@@ -127,6 +133,7 @@ class HttpRoutes {
   Metrics own_metrics_;
   Metrics& metrics_;
   RateLimiter limiter_;
+  PixelCache pixel_cache_;
 };
 
 [[nodiscard]] HttpReply json_reply(const nlohmann::json& value, int status = 200);

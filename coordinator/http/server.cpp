@@ -299,7 +299,8 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& o
                                   .metrics = options.metrics,
                                   .blobs = options.blobs,
                                   .max_streams = options.max_streams,
-                                  .heartbeat_seconds = options.heartbeat_seconds},
+                                  .heartbeat_seconds = options.heartbeat_seconds,
+                                  .web = options.web},
                                  service, log, parts->stop.get_token());
   if (!routes) return tl::unexpected(routes.error());
   parts->routes = std::move(*routes);

@@ -9,6 +9,7 @@
 #include "common/base/result.h"
 #include "coordinator/config.h"
 #include "coordinator/http/socket.h"
+#include "coordinator/http/web_routes.h"
 #include "coordinator/job_service.h"
 #include "coordinator/metrics.h"
 
@@ -25,6 +26,7 @@ struct HttpServerOptions {
   double heartbeat_seconds = 15;  ///< of silence on those
   Metrics* metrics = nullptr;     ///< what /v1/metrics shows beside jobs and workers; nullptr: the requests alone
   const Clock* clock = nullptr;   ///< of the rate limit; nullptr: the system's
+  std::span<const WebFile> web{};  ///< the dashboard; empty: there is none
 };
 
 /// The HTTP API: README.md in this folder lists its addresses. Serves from threads of its own until it is

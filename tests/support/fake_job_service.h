@@ -123,6 +123,22 @@ class FakeJobService final : public JobService {
     if (preview.empty()) return fail(ErrorKind::kUnavailable, "no sub-pass is done yet");
     return preview;
   }
+  Result<LayerList> layers(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    if (!image) return fail(ErrorKind::kUnavailable, "no sub-pass is done yet");
+    return layer_list(rows_of(*image));
+  }
+  Result<LayerPixels> pixels(const std::string& id, const std::string& layer, int max_width) override {
+    const std::lock_guard lock(mutex_);
+    auto job = find(id);
+    if (!job) return tl::unexpected(job.error());
+    if (!image) return fail(ErrorKind::kUnavailable, "no sub-pass is done yet");
+    ++pixels_made;
+    auto pixels = layer_pixels(rows_of(*image), layer, max_width);
+    if (pixels) pixels->passes = job->passes_done;
+    return pixels;
+  }
   Result<std::vector<LogEntry>> logs(const std::string& id, std::uint64_t after) override {
     const std::lock_guard lock(mutex_);
     if (auto job = find(id); !job) return tl::unexpected(job.error());
@@ -177,6 +193,8 @@ class FakeJobService final : public JobService {
   std::vector<UnitView> all_units;
   std::vector<ConvergencePoint> points;
   std::vector<std::string> acts;  ///< verbs that were asked for, of whom, by whom
+  std::optional<LayeredImage> image;  ///< of running jobs
+  int pixels_made = 0;
   WorkerView worker{"host-a-1", "host-a", 4711, "tracing", "", "glass-1a2b", 2, 1000, 7, 0.5};
   std::vector<Submission> submissions;
 
