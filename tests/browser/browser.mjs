@@ -94,9 +94,9 @@ export class Page {
       return passes > b && passes;
     }, begin);
   }
-  /** Clicks what a person would: a button or link by its name. */
+  /** Clicks a button by its name, as it is read out. */
   async click(name) {
-    const element = await this.page.locator(`::-p-aria(${name})`).setTimeout(15_000).waitHandle();
+    const element = await this.page.locator(`::-p-aria([name="${name}"][role="button"])`).setTimeout(15_000).waitHandle();
     await element.click();
   }
   async type(selector, text) {

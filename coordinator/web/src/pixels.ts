@@ -2,7 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import { explain, pause, Refused, send, whenUp } from "./api.ts";
-import { hasEnded, type Job } from "./model.ts";
+import { hasEnded, isActive, type Job } from "./model.ts";
 import type { Pixels } from "./tone.ts";
 
 /** One layer; the same object when nothing changed since `before`. */
@@ -87,5 +87,5 @@ function isDue(job: Job, have: Fetched[], sinceLast: number, endedBefore: boolea
   if (passes === undefined) return job.passes_done > 0 || sinceLast > 5000;
   if (hasEnded(job.state) !== endedBefore) return true;
   if (passes === job.passes_done) return false;
-  return job.passes_done < passes || job.passes_done >= kGrowth * passes || sinceLast > kLongestPause || hasEnded(job.state);
+  return job.passes_done < passes || job.passes_done >= kGrowth * passes || sinceLast > kLongestPause || !isActive(job.state);
 }
