@@ -25,7 +25,7 @@ struct Forecast {
 
 /// The error that methods are compared at. Not the job's stop.error: a job that is made longer keeps its method.
 inline constexpr double kPlanTarget = 0.01;
-/// The forecast of an error is right within this factor both ways on every example scene.
+/// Around kPlanTarget the forecast of an error is right within this factor both ways on the example scenes.
 inline constexpr double kForecastFactor = 3.0;
 
 [[nodiscard]] Forecast forecast_path(const JobSpec& spec, const Pilot& pilot);
