@@ -42,7 +42,7 @@ HttpReply HttpRoutes::layers(const HttpRequest&, const Captures& captures) {
       list = image ? Result<LayerList>(layer_list(rows_of(*image))) : tl::unexpected(image.error());
     }
   }
-  if (!list) return failure(list.error(), true);
+  if (!list) return failure(list.error(), kNotYet);
   json names = json::array(), channels = json::object();
   for (const LayerList::Entry& entry : list->layers) {
     names.push_back(entry.name);
@@ -83,7 +83,7 @@ HttpReply HttpRoutes::pixels(const HttpRequest& request, const Captures& capture
   if (!made) {
     if (made.error().kind == ErrorKind::kInvalidInput)
       return problem(400, "bad-request", made.error().message);
-    return failure(made.error(), true);
+    return failure(made.error(), kNotYet);
   }
   const LayerPixels& pixels = **made;
   HttpReply reply;

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <sstream>
 
+#include <fmt/format.h>
+
 #include "common/film/image.h"
 #include "jobs/command.h"
 #include "tests/farm/farm_fixture.h"

@@ -142,10 +142,12 @@ TEST_F(Storm, EveryJobEndsOnceWhoeverIsKilled) {
   EXPECT_EQ(loaded->records.size(), ids.size()) << "none is lost";
   for (const JobRecord& job : loaded->records) {
     int completed = 0;
-    for (const Transition& t : store->transitions(job.number).value()) completed += t.event == JobEvent::kComplete ? 1 : 0;
+    const auto transitions = store->transitions(job.number);
+    for (const Transition& t : *transitions) completed += t.event == JobEvent::kComplete ? 1 : 0;
     EXPECT_EQ(completed, 1) << job.id << " ended so often";
     std::uint64_t next = 0;
-    for (const UnitView& unit : store->units(job.number, 0, 1000).value()) {
+    const auto units = store->units(job.number, 0, 1000);
+    for (const UnitView& unit : *units) {
       EXPECT_EQ(unit.first, next) << job.id;
       next = unit.first + unit.count;
     }

@@ -323,7 +323,8 @@ TEST_F(Verbs, FilesExpireByPolicyWithAWordInTheLogAndTheViewAndNotBefore) {
   EXPECT_NE(world_.farm().artifact(id, Artifact::kExr).error().message.find("expired"), std::string::npos);
   EXPECT_EQ(show(id).state, JobState::kDone) << "the record stays";
   std::string log;
-  for (const LogEntry& entry : world_.farm().logs(id, 0).value()) log += entry.text + "\n";
+  const auto entries = world_.farm().logs(id, 0);
+  for (const LogEntry& entry : *entries) log += entry.text + "\n";
   EXPECT_NE(log.find("its checkpoint expired: it is kept for"), std::string::npos) << log;
   EXPECT_NE(log.find("its results expired"), std::string::npos) << log;
 }

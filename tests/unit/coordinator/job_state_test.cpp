@@ -78,7 +78,9 @@ TEST(JobState, NoJobIsStuck) {
       }
     }
     EXPECT_TRUE(reached.contains(JobState::kDone)) << to_string(start);
-    if (!has_ended(start)) EXPECT_NE(job_step(start, JobEvent::kCancel).kind, JobStep::Kind::kRefused) << to_string(start);
+    if (!has_ended(start)) {
+      EXPECT_NE(job_step(start, JobEvent::kCancel).kind, JobStep::Kind::kRefused) << to_string(start);
+    }
   }
 }
 

@@ -49,8 +49,7 @@ TEST_F(PhotonfarmCommand, HelpListsEveryCommandWithAnExample) {
 
 TEST_F(PhotonfarmCommand, HelpNamesNoCommandThatDoesNotExist) {
   EXPECT_EQ(run({"--help"}), 0);
-  for (const char* name : {"bench", "atlas"})
-    EXPECT_EQ(out_.str().find(name), std::string::npos) << name;
+  EXPECT_EQ(out_.str().find("atlas"), std::string::npos);
 }
 
 TEST_F(PhotonfarmCommand, VersionNamesTheBuild) {

@@ -130,7 +130,8 @@ TEST_F(SteerCommands, ListsAreFiltered) {
   const auto ids = [&](const Arguments& arguments) {
     EXPECT_EQ(run(arguments), 0) << err_.str();
     std::string text;
-    for (const json& job : json::parse(out_.str())["jobs"]) text += job["id"].get<std::string>() + " ";
+    const json answer = json::parse(out_.str());
+    for (const json& job : answer["jobs"]) text += job["id"].get<std::string>() + " ";
     return text;
   };
   EXPECT_EQ(ids({"list", "--json"}), "glass-1 glass-2 pool-3 ");

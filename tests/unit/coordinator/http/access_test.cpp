@@ -27,8 +27,8 @@ class HttpAccess : public HttpTest {
                            const std::string& path) const {
     HeaderList headers = {{"Authorization", "Bearer " + bearer}};
     if (method != "GET" && method != "HEAD")
-      headers.insert(headers.end(), {{"Content-Type", "application/json"}, {"Content-Length", "2"}});
-    return raw(head(method, path, headers, false) + (method == "GET" || method == "HEAD" ? "" : "{}")).status;
+      headers.insert(headers.end(), {{"Content-Type", "application/json"}, {"Content-Length", "18"}});
+    return raw(head(method, path, headers, false) + (method == "GET" || method == "HEAD" ? "" : "{\"discard\": false}")).status;
   }
   [[nodiscard]] std::string submission(int width, std::uint64_t bytes) const {
     const json file = {{"path", "a.gltf"}, {"sha256", std::string(64, 'a')}, {"bytes", bytes}};

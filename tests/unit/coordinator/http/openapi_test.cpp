@@ -97,7 +97,9 @@ TEST(OpenApi, EveryReferenceLeadsSomewhereAndEveryIdIsOneOperations) {
   const std::function<void(const json&)> walk = [&](const json& value) {
     if (value.is_object() && value.contains("$ref") && value.at("$ref").is_string()) {
       const std::string to = value.at("$ref").get<std::string>();
-      if (to.starts_with("#/components/")) EXPECT_TRUE(document().contains(json::json_pointer(to.substr(1)))) << to;
+      if (to.starts_with("#/components/")) {
+        EXPECT_TRUE(document().contains(json::json_pointer(to.substr(1)))) << to;
+      }
     }
     if (value.is_object() && value.contains("operationId")) {
       EXPECT_TRUE(ids.insert(value.at("operationId").get<std::string>()).second) << value.at("operationId");

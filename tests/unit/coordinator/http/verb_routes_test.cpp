@@ -21,7 +21,7 @@ class VerbRoutes : public HttpTest {
 
 TEST_F(VerbRoutes, PauseResumeAndRetryReachTheService) {
   EXPECT_EQ(json::parse(call("POST", "/v1/jobs/glass-1/pause").body)["state"], "paused");
-  EXPECT_EQ(json::parse(get("/v1/jobs/glass-1").body)["paused_by"], "admin");
+  EXPECT_EQ(json::parse(get("/v1/jobs/glass-1").body)["paused_by"], "bootstrap");
   EXPECT_EQ(json::parse(raw(head("POST", "/v1/jobs/glass-1/resume", {})).body)["state"], "queued");
   const RawReply refused = call("POST", "/v1/jobs/glass-1/retry");
   EXPECT_EQ(refused.status, 409);
@@ -37,8 +37,8 @@ TEST_F(VerbRoutes, CancelKeepsOrDiscards) {
   service_.put(FakeJobService::running("glass-2"));
   EXPECT_EQ(post("/v1/jobs/glass-2/cancel", "{\"discard\": false}").status, 200);
   ASSERT_EQ(service_.acts.size(), 2U);
-  EXPECT_EQ(service_.acts[0], "discard glass-1 by admin");
-  EXPECT_EQ(service_.acts[1], "cancel glass-2 by admin");
+  EXPECT_EQ(service_.acts[0], "discard glass-1 by bootstrap");
+  EXPECT_EQ(service_.acts[1], "cancel glass-2 by bootstrap");
 }
 
 TEST_F(VerbRoutes, ExtendAndChangeTakeWhatTheyKnowAndNothingElse) {
@@ -107,7 +107,7 @@ TEST_F(VerbRoutes, WorkersAreSteeredByName) {
   EXPECT_EQ(json::parse(call("POST", "/v1/workers/host-a-1/disable").body)["state"], "disabled");
   EXPECT_EQ(json::parse(call("POST", "/v1/workers/host-a-1/enable").body)["state"], "idle");
   EXPECT_EQ(call("POST", "/v1/workers/Other_1/drain").status, 404);
-  EXPECT_EQ(service_.acts.at(0), "draining host-a-1 by admin");
+  EXPECT_EQ(service_.acts.at(0), "draining host-a-1 by bootstrap");
 }
 
 TEST_F(VerbRoutes, AFileThatExpiredIsGoneAndOneThatIsStillToComeIsNot) {
