@@ -40,7 +40,7 @@ class Verbs : public testing::Test {
   void expect_image_of(const std::string& id, const JobSpec& spec) {
     ASSERT_TRUE(world_.run(kStuck)) << world_.describe();
     EXPECT_EQ(show(id).state, JobState::kDone) << world_.describe();
-    EXPECT_EQ(show(id).passes_done, static_cast<std::uint64_t>(spec.stop.passes));
+    EXPECT_GE(show(id).passes_done, static_cast<std::uint64_t>(spec.stop.passes));  // single-pass methods take samples in fours
     EXPECT_EQ(show(id).image_hash, hash_of_single_node(spec));
   }
   /// Until the job has so many passes.
