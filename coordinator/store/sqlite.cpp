@@ -37,6 +37,8 @@ tl::unexpected<Error> error_of(sqlite3* database, const std::string& name) {
   std::string text = fmt::format("{}: {}", name, sqlite3_errmsg(database));
   const int system = (code & 0xff) == SQLITE_FULL ? ENOSPC : sqlite3_system_errno(database);
   if (kind == ErrorKind::kInternal && system != 0) text += fmt::format(": {}", std::generic_category().message(system));
+  // SQLite does not always keep what the system said.
+  if (kind == ErrorKind::kInternal && system == 0 && (code & 0xff) == SQLITE_IOERR) text += "; no space, or a limit on the size of files?";
   if (kind == ErrorKind::kUnavailable) text += "; another coordinator works on this folder";
   if (kind == ErrorKind::kInvalidInput) text += "; see photonfarm doctor --state";
   return fail(kind, std::move(text));

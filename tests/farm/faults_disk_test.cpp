@@ -71,10 +71,10 @@ TEST_F(FullDisk, BeforeTheFirstRound) {
   start_farm(0);
   const TestJob job;
   const std::string id = submit(job);
-  // The record can be written, the radii and the first checkpoint cannot.
+  // Neither the database nor the radii and the first checkpoint can be written.
   limit_files(*coordinator_, 20000);
   start_worker(1);
-  expect_to_wait(id, "too large");
+  expect_to_wait(id, "size of files");
   limit_files(*coordinator_, 0);
   expect_the_single_nodes_image(id, job);
 }
