@@ -34,16 +34,18 @@ const std::map<std::string, Names>& rules() {
       {"common/wire", {"common/base", "common/math", "common/spec", "common/film"}},
       {"worker/bsdf", {"common/base", "common/math"}},
       {"worker/scene", with(kCommon, {"worker/bsdf"})},
-      {"worker/plan", with(kCommon, {"worker/bsdf", "worker/scene"})},
+      // Its pilot walks paths as the integrators do.
+      {"worker/plan", with(kCommon, {"worker/bsdf", "worker/scene", "worker/photon", "worker/integrators"})},
       {"worker/photon", with(kCommon, {"worker/bsdf", "worker/scene"})},
-      {"worker/integrators", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon"})},
+      {"worker/integrators", with(kCommon, {"worker/bsdf", "worker/scene", "worker/photon"})},
       {"worker/opencl",
        with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon", "worker/integrators"})},
       {"worker/farm", kCommon},
       {"worker", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon",
                                 "worker/integrators", "worker/opencl", "worker/farm"})},
       {"coordinator", kCommon},
-      {"jobs", kCommon},
+      // photonfarm doctor reads a farm's database.
+      {"jobs", with(kCommon, {"coordinator"})},
   };
   return kRules;
 }
