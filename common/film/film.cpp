@@ -216,16 +216,16 @@ double Film::estimated_error() const {
   constexpr double kBlack = 0.01;  // of relMSE: mean of (x - r)^2 / (r^2 + 0.01)
   // The bias is found from the same photons: 6 d^2/R^2 - 3 has a mean square of 3 over a disc, so its noise triples the variance.
   constexpr double kBiasVariance = 3.0;
-  double sum = 0.0;
+  double noise = 0.0, bias = 0.0;
   const auto pixels = static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
   for (std::size_t i = 0; i < pixels; ++i) {
     const PixelEstimate e = estimate(i);
     const double l = luminance(e.all());
-    const double bias2 = options_.extra == Extra::kBias ? e.bias * e.bias - kBiasVariance * e.variance : 0.0;
-    sum += (e.variance + bias2) / (l * l + kBlack);
+    noise += e.variance / (l * l + kBlack);
+    if (options_.extra == Extra::kBias) bias += (e.bias * e.bias - kBiasVariance * e.variance) / (l * l + kBlack);
   }
   // Over many pixels what was taken off for the bias's noise is right; where it is more than what was found, there is no bias.
-  return std::sqrt(std::max(0.0, sum) / static_cast<double>(pixels));
+  return std::sqrt((noise + std::max(0.0, bias)) / static_cast<double>(pixels));
 }
 
 }  // namespace pf

@@ -24,7 +24,7 @@ TEST(PhotonSplatFurnace, ABoxIsUniformButForTheFootOfItsWalls) {
   JobSpec spec = splat_job(12, 12, 20000);
   spec.integrator.max_depth = 0;
   const Renders renders(*furnace_box().build(), spec, 2, 10);
-  // Of the disc across a ray, a part lies inside the wall near its foot: light is missing there.
+  // In corners of several walls a part of the disc across a ray still lies inside one of them.
   constexpr double kFoot = 0.01, kCorner = 0.08;
   EXPECT_TRUE(agrees(renders.mean(), 2.0, kFoot * 2.0));
   EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), kCorner));
@@ -38,9 +38,10 @@ TEST(PhotonSplatFurnace, ItsBiasFallsWithTheSmoothing) {
     spec.integrator.max_depth = 0;
     bias.push_back(0.5 - Renders(*scene, spec, 4, 8, "indirect").mean().mean);
   }
-  // Light is missing along the foot of a wall, as wide as the kernel: the loss goes with the width.
-  EXPECT_NEAR(bias[0] / bias[1], 2.0, 0.5) << bias[0] << " " << bias[1] << " " << bias[2];
-  EXPECT_NEAR(bias[1] / bias[2], 2.0, 0.7) << bias[0] << " " << bias[1] << " " << bias[2];
+  // What kernels lose beside walls is given back at the foot of one wall; corners of several are left, and kernels as wide as the
+  // room: the loss falls at least as fast as the width.
+  EXPECT_LT(bias[1], 0.5 * bias[0]) << bias[0] << " " << bias[1] << " " << bias[2];
+  EXPECT_LT(std::abs(bias[2]), 0.25 * bias[0]) << bias[0] << " " << bias[1] << " " << bias[2];
 }
 
 TEST(PhotonSplatAnalytic, ASphereAroundALampIsUniform) {
