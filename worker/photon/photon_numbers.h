@@ -15,12 +15,12 @@ struct PhotonNumbers {
 
   /// Block `block` of a path: four numbers in [0, 1).
   [[nodiscard]] std::array<float, 4> draw(std::uint32_t path, std::uint32_t block) const {
-    const auto bits = philox4x32({path, low(sub_pass), stream(), block}, {low(seed), low(seed >> 32)});
+    const auto bits = philox4x32(std::array<std::uint32_t, 4>{path, low(sub_pass), stream(), block}, {low(seed), low(seed >> 32)});
     return {to_unit_float(bits[0]), to_unit_float(bits[1]), to_unit_float(bits[2]), to_unit_float(bits[3])};
   }
   /// Blocks `block` of eight paths: four numbers in [0, 1) each.
   [[nodiscard]] std::array<Float8, 4> draw(const Uint8& path, const Uint8& block) const {
-    const auto bits = philox4x32({path, Uint8{} + low(sub_pass), Uint8{} + stream(), block}, {low(seed), low(seed >> 32)});
+    const auto bits = philox4x32(std::array<Uint8, 4>{path, Uint8{} + low(sub_pass), Uint8{} + stream(), block}, {low(seed), low(seed >> 32)});
     return {to_unit_float(bits[0]), to_unit_float(bits[1]), to_unit_float(bits[2]), to_unit_float(bits[3])};
   }
   /// One number beyond the first block of a path's bounce.
