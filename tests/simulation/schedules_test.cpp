@@ -9,26 +9,11 @@
 namespace pf::test {
 namespace {
 
-JobSpec job(const std::string& name, IntegratorType type, ProgressiveMode mode, int passes) {
-  JobSpec spec;
-  spec.job.name = name;
-  spec.scene.file = "scene.glb";
-  spec.image.width = 5;
-  spec.image.height = 3;
-  spec.integrator.type = type;
-  spec.integrator.mode = mode;
-  spec.integrator.photons = 1000;
-  spec.integrator.seed = 7;
-  spec.stop.passes = passes;
-  spec.checkpoint.seconds = 3;
-  return spec;
-}
-
-JobSpec shared_job() { return job("shared", IntegratorType::kSppm, ProgressiveMode::kShared, 31); }
-JobSpec independent_job() { return job("independent", IntegratorType::kSppm, ProgressiveMode::kIndependent, 23); }
-JobSpec path_job() { return job("path", IntegratorType::kPath, ProgressiveMode::kShared, 17); }
+JobSpec shared_job() { return job_of("shared", IntegratorType::kSppm, ProgressiveMode::kShared, 31); }
+JobSpec independent_job() { return job_of("independent", IntegratorType::kSppm, ProgressiveMode::kIndependent, 23); }
+JobSpec path_job() { return job_of("path", IntegratorType::kPath, ProgressiveMode::kShared, 17); }
 /// A method whose sub-passes are tiles of the image.
-JobSpec tiles_job() { return job("tiles", IntegratorType::kPhotonMap, ProgressiveMode::kShared, 4); }
+JobSpec tiles_job() { return job_of("tiles", IntegratorType::kPhotonMap, ProgressiveMode::kShared, 4); }
 
 /// Simulated seconds that no schedule needs: beyond them something is stuck.
 constexpr double kStuck = 5000.0;

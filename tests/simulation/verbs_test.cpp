@@ -13,18 +13,7 @@ namespace {
 
 JobSpec job(const std::string& name, int passes, IntegratorType type = IntegratorType::kSppm,
             ProgressiveMode mode = ProgressiveMode::kShared) {
-  JobSpec spec;
-  spec.job.name = name;
-  spec.scene.file = "scene.glb";
-  spec.image.width = 5;
-  spec.image.height = 3;
-  spec.integrator.type = type;
-  spec.integrator.mode = mode;
-  spec.integrator.photons = 1000;
-  spec.integrator.seed = 7;
-  spec.stop.passes = passes;
-  spec.checkpoint.seconds = 3;
-  return spec;
+  return job_of(name, type, mode, passes);
 }
 
 constexpr double kStuck = 5000.0;

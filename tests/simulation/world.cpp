@@ -363,4 +363,19 @@ std::string World::submit(const JobSpec& spec) {
   return view ? view->id : view.error().message;
 }
 
+JobSpec job_of(const std::string& name, IntegratorType type, ProgressiveMode mode, int passes) {
+  JobSpec spec;
+  spec.job.name = name;
+  spec.scene.file = "scene.glb";
+  spec.image.width = 5;
+  spec.image.height = 3;
+  spec.integrator.type = type;
+  spec.integrator.mode = mode;
+  spec.integrator.photons = 1000;
+  spec.integrator.seed = 7;
+  spec.stop.passes = passes;
+  spec.checkpoint.seconds = 3;
+  return spec;
+}
+
 }  // namespace pf::test

@@ -120,4 +120,7 @@ void pretend_to_trace(const JobSpec& spec, std::uint64_t first, std::uint64_t co
 /// Hash of the image that one undisturbed machine makes.
 [[nodiscard]] std::string hash_of_single_node(const JobSpec& spec);
 
+/// A job of 5x3 pixels for the simulated farm.
+[[nodiscard]] JobSpec job_of(const std::string& name, IntegratorType type, ProgressiveMode mode, int passes);
+
 }  // namespace pf::test
