@@ -14,6 +14,7 @@
 #include "common/math/philox.h"
 #include "common/wire/statistics_codec.h"
 #include "tests/bench/bandwidth.h"
+#include "tests/bench/floor_of_photons.h"
 #include "tests/support/render.h"
 #include "tests/support/scenes.h"
 #include "tests/support/temp_folder.h"
@@ -37,16 +38,6 @@ const Scene& box() {
   return *scene;
 }
 
-PhotonArrays photons_on_a_floor() {
-  PathRng rng(1, Stream::kTest, 0, 0);
-  PhotonArrays photons;
-  for (int i = 0; i < kPhotons; ++i) {
-    const Vec2f p = rng.next2();
-    photons.push({p.x, 0.0f, p.y}, {1.0f, 0.5f, 0.25f}, {0, 1, 0}, {0, 1, 0});
-  }
-  return photons;
-}
-
 /// Bytes: photons stored, 32 each.
 void trace_photons(benchmark::State& state) {
   const Limit one(kThreads, 1);
@@ -65,7 +56,7 @@ BENCHMARK(trace_photons)->Unit(benchmark::kMillisecond);
 /// Bytes: photons read once and written once.
 void build_tree(benchmark::State& state) {
   const Limit one(kThreads, 1);
-  const PhotonArrays photons = photons_on_a_floor();
+  const PhotonArrays photons = floor_of_photons(kPhotons);
   const Bandwidth bandwidth;
   for (auto _ : state) {
     const PhotonTree tree{PhotonArrays(photons)};
@@ -78,7 +69,7 @@ BENCHMARK(build_tree)->Unit(benchmark::kMillisecond);
 /// A million queries of about so many photons, neighbours one after the other as an image asks them. Bytes: photons
 /// found, 32 each, whichever cache they come from.
 void gather(benchmark::State& state) {
-  static const PhotonTree tree(photons_on_a_floor());
+  static const PhotonTree tree(floor_of_photons(kPhotons));
   const float radius2 = static_cast<float>(state.range(0)) / (kPi * kPhotons);
   const Bandwidth bandwidth;
   double found = 0;

@@ -10,8 +10,8 @@
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
-#include "common/math/philox.h"
 #include "common/math/sampling.h"
+#include "tests/bench/floor_of_photons.h"
 #include "tests/bench/thread_time.h"
 #include "tests/support/scenes.h"
 #include "worker/photon/photon_tracer.h"
@@ -77,14 +77,8 @@ BENCHMARK(trace_against_bare_rays)->Arg(16)->Arg(224)->UseManualTime()->Unit(ben
 
 /// One million photons, one million queries of about 50 photons each.
 void gather(benchmark::State& state) {
-  PathRng rng(1, Stream::kTest, 0, 0);
   constexpr int kCount = 1000000;
-  PhotonArrays photons;
-  for (int i = 0; i < kCount; ++i) {
-    const Vec2f p = rng.next2();
-    photons.push({p.x, 0.0f, p.y}, {1.0f, 0.5f, 0.25f}, {0, 1, 0}, {0, 1, 0});
-  }
-  PhotonTree tree(std::move(photons));
+  PhotonTree tree(floor_of_photons(kCount));
   tree.use_isa(state.range(0) == 512 ? PhotonTree::Isa::kAvx512 : PhotonTree::Isa::kAvx2);
   const float radius2 = 50.0f / (kPi * kCount);
   std::uint64_t found = 0;

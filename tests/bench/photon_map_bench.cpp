@@ -9,6 +9,7 @@
 #include <tbb/global_control.h>
 
 #include "common/math/philox.h"
+#include "tests/bench/floor_of_photons.h"
 #include "tests/bench/thread_time.h"
 #include "tests/support/scenes.h"
 #include "worker/photon/photon_map.h"
@@ -20,19 +21,9 @@ namespace {
 
 constexpr int kPhotons = 1000000;
 
-PhotonArrays photons_on_a_floor() {
-  PathRng rng(1, Stream::kTest, 0, 0);
-  PhotonArrays photons;
-  for (int i = 0; i < kPhotons; ++i) {
-    const Vec2f p = rng.next2();
-    photons.push({p.x, 0.0f, p.y}, {1.0f, 0.5f, 0.25f}, {0, 1, 0}, {0, 1, 0});
-  }
-  return photons;
-}
-
 const PhotonMap& floor_map() {
   static const PhotonMap map = [] {
-    const PhotonArrays photons = photons_on_a_floor();
+    const PhotonArrays photons = floor_of_photons(kPhotons);
     const PhotonArrays* flows[] = {&photons};
     return PhotonMap(flows);
   }();

@@ -4,21 +4,14 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <memory>
-#include <sstream>
 #include <thread>
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "common/base/hash.h"
-#include "common/base/log.h"
 #include "coordinator/http/file.h"
-#include "coordinator/http/server.h"
-#include "jobs/command.h"
-#include "tests/support/fake_job_service.h"
-#include "tests/support/temp_folder.h"
+#include "tests/unit/jobs/service_fixture.h"
 
 namespace pf {
 namespace {
@@ -32,12 +25,9 @@ std::string bytes_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-class ClientCommands : public testing::Test {
+class ClientCommands : public test::ServiceFixture {
  protected:
   void SetUp() override {
-    options_.state = temp_ / "state";
-    options_.blobs = temp_ / "blobs";
-    fs::create_directory(options_.state);
     fs::create_directory(temp_ / "job");
     std::ofstream(temp_ / "job" / "glass.toml")
         << "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n";
@@ -45,19 +35,6 @@ class ClientCommands : public testing::Test {
         << R"({"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 5}]})";
     std::ofstream(temp_ / "job" / "a.bin") << "12345";
     start();
-  }
-  void start() {
-    server_.reset();
-    auto server = HttpServer::start(options_, service_, log_);
-    ASSERT_TRUE(server) << server.error().message;
-    server_ = std::move(*server);
-  }
-  int run(const Arguments& arguments, const std::string& server = {}, const std::string& token = {}) {
-    out_.str("");
-    err_.str("");
-    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server,
-                          token};
-    return run_photonfarm(context, arguments);
   }
   [[nodiscard]] std::string job_file() const { return (temp_ / "job" / "glass.toml").string(); }
   [[nodiscard]] std::string out_folder() const { return (temp_ / "out").string(); }
@@ -84,13 +61,6 @@ class ClientCommands : public testing::Test {
     EXPECT_FALSE(document.is_discarded()) << out_.str();
     return document;
   }
-
-  TempFolder temp_;
-  Log log_{LogLevel::kOff};
-  FakeJobService service_;
-  HttpServerOptions options_;
-  std::unique_ptr<HttpServer> server_;
-  std::ostringstream out_, err_;
 };
 
 TEST_F(ClientCommands, SubmitUploadsEveryFileAndHandsTheSpecOver) {

@@ -2,26 +2,20 @@
 
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "common/base/atomic_file.h"
-#include "common/base/log.h"
-#include "coordinator/http/server.h"
-#include "jobs/command.h"
 #include "jobs/farm_certificates.h"
-#include "tests/support/fake_job_service.h"
 #include "tests/support/raw_http.h"
-#include "tests/support/temp_folder.h"
+#include "tests/unit/jobs/service_fixture.h"
 
 namespace pf {
 namespace {
 
 namespace fs = std::filesystem;
 
-class SecureService : public testing::Test {
+class SecureService : public test::ServiceFixture {
  protected:
   void SetUp() override {
     const auto made = make_certificates({"127.0.0.1"});
@@ -32,34 +26,11 @@ class SecureService : public testing::Test {
     write("ca.pem", made->ca);
     write("server.pem", made->server);
     write("server-key.pem", made->server_key);
-    options_.state = temp_ / "state";
-    options_.blobs = temp_ / "blobs";
     options_.config.http.certificate = temp_ / "server.pem";
     options_.config.http.key = temp_ / "server-key.pem";
     options_.config.http.ca = temp_ / "ca.pem";
-    fs::create_directory(options_.state);
     service_.put(test::FakeJobService::running("glass-1"));
   }
-  void start() {
-    server_.reset();
-    auto server = HttpServer::start(options_, service_, log_);
-    ASSERT_TRUE(server) << server.error().message;
-    server_ = std::move(*server);
-  }
-  int run(const Arguments& arguments, const std::string& server = {}, const std::string& token = {}) {
-    out_.str("");
-    err_.str("");
-    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server,
-                          token};
-    return run_photonfarm(context, arguments);
-  }
-
-  TempFolder temp_;
-  Log log_{LogLevel::kOff};
-  test::FakeJobService service_;
-  HttpServerOptions options_;
-  std::unique_ptr<HttpServer> server_;
-  std::ostringstream out_, err_;
 };
 
 TEST_F(SecureService, CommandsFindCertificateAndTokenInTheStateFolder) {
