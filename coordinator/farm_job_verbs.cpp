@@ -36,7 +36,8 @@ void FarmJob::apply(JobEvent event, const std::string& message, const std::strin
 void FarmJob::save_record() {
   const auto saved = around_.store.save(record_, transitions_);
   if (saved) transitions_.clear();
-  if (!saved && !unsaved_record_) log("error", "coordinator", saved.error().message);
+  // A job that waits for the disk has said why already.
+  if (!saved && !unsaved_record_ && record_.state != JobState::kWaiting) log("error", "coordinator", saved.error().message);
   unsaved_record_ = !saved;
 }
 

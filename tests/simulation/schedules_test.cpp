@@ -1,5 +1,6 @@
 // Thousands of seeded schedules of everything that farms meet; after each the image of one undisturbed machine.
 
+#include <algorithm>
 #include <cstdlib>
 
 #include <gtest/gtest.h>
@@ -150,10 +151,16 @@ TEST(Schedules, AFullDiskHoldsAJobUpAndSaysSo) {
   EXPECT_EQ(world.farm().show(id)->passes_done, 0u);
   world.fill_disk(false);
   world.run_for(10);
+  const auto errors = [&] {
+    const auto entries = world.farm().logs(id, 0).value();
+    return std::count_if(entries.begin(), entries.end(), [](const LogEntry& entry) { return entry.level == "error"; });
+  };
+  const auto before = errors();
   world.fill_disk(true);
   world.run_for(20);
   EXPECT_EQ(world.farm().show(id)->state, JobState::kWaiting) << world.describe();
   EXPECT_NE(world.farm().show(id)->message, "");
+  EXPECT_EQ(errors(), before + 1) << "that it waits is said once";
   world.fill_disk(false);
   ASSERT_TRUE(world.run(kStuck)) << world.describe();
   EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(shared_job()));
