@@ -14,6 +14,7 @@
 #include "common/base/result.h"
 #include "common/wire/blob_store.h"
 #include "common/wire/ports.h"
+#include "coordinator/config.h"
 #include "coordinator/farm_job.h"
 #include "coordinator/job_log.h"
 #include "coordinator/job_service.h"
@@ -33,6 +34,7 @@ struct FarmOptions {
   std::uint64_t incarnation = 1;          ///< differs between processes: goes into the ids of tasks
   Metrics* metrics = nullptr;             ///< where work is counted; nullptr: nobody asks
   RetentionPolicy retention;
+  std::uint64_t jobs_per_token = CoordinatorConfig::Limits().jobs_per_token;
 };
 
 /// The coordinator without its surroundings: told what came in and what time it is, it answers through the port. All calls
@@ -98,6 +100,8 @@ class Farm {
   void accuse(const std::string& worker, const std::string& what);
   void send(const std::string& worker, const wire::ToWorker& message);
   void note_ended();
+  /// An error when this token has as many jobs that have not ended as it may have.
+  [[nodiscard]] Result<void> room_for_job(const std::string& token) const;
   [[nodiscard]] FarmJob* find(const std::string& id) const;
   /// The film of a job that has an image.
   [[nodiscard]] Result<const Film*> film_of(const std::string& id) const;

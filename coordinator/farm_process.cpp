@@ -42,6 +42,7 @@ Result<std::unique_ptr<FarmProcess>> FarmProcess::open(const Options& options, c
   farm.incarnation = options.incarnation;
   farm.metrics = options.metrics;
   farm.retention = options.retention;
+  farm.jobs_per_token = options.jobs_per_token;
   process->farm_ =
       std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_, unix_ms, log);
   if (auto restored = process->farm_->restore(); !restored) {

@@ -29,6 +29,7 @@ class FarmProcess final : public JobService {
     std::uint64_t incarnation = 1;
     Metrics* metrics = nullptr;   ///< where work is counted
     RetentionPolicy retention;
+    std::uint64_t jobs_per_token = CoordinatorConfig::Limits().jobs_per_token;
   };
   /// Connects and takes up the state folder's jobs. Errors: kUnavailable (engine), kUsage (folder).
   [[nodiscard]] static Result<std::unique_ptr<FarmProcess>> open(const Options& options, const Log& log);

@@ -42,6 +42,15 @@ double Farm::least_share() const {
   return share.value_or(0.0);
 }
 
+Result<void> Farm::room_for_job(const std::string& token) const {
+  const auto its = std::count_if(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
+    return !entry.second.job->ended() && entry.second.job->record().submitted_by == token;
+  });
+  if (static_cast<std::uint64_t>(its) < options_.jobs_per_token) return {};
+  return fail(ErrorKind::kUnavailable, fmt::format("the token '{}' has {} jobs that have not ended; expected at most {}: wait for one, or cancel one",
+                                                   token, its, options_.jobs_per_token));
+}
+
 Result<Validation> Farm::validate(const Submission& submission) const {
   auto spec = parse_job_json(submission.spec_json, "request");
   if (!spec) return tl::unexpected(spec.error());
@@ -68,6 +77,7 @@ Result<JobView> Farm::submit(const Submission& submission) {
     if (!known) return tl::unexpected(known.error());
     if (*known) return show(**known);
   }
+  if (auto room = room_for_job(submission.submitted_by); !room) return tl::unexpected(room.error());
   auto spec = parse_job_json(submission.spec_json, "request");
   if (!spec) return tl::unexpected(spec.error());
   for (const auto& [path, blob] : submission.files) {
@@ -154,6 +164,9 @@ Result<JobView> Farm::changed(FarmJob& job, Result<void> done) {
 Result<JobView> Farm::act(const std::string& id, JobEvent verb, const std::string& by) {
   FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
+  if (verb == JobEvent::kRetry && job->ended()) {
+    if (auto room = room_for_job(job->record().submitted_by); !room) return tl::unexpected(room.error());
+  }
   const double level = least_share();
   auto done = job->act(verb, by);
   if (done && verb == JobEvent::kDiscard) free_blobs(job->record().number);
@@ -166,6 +179,9 @@ Result<JobView> Farm::act(const std::string& id, JobEvent verb, const std::strin
 Result<JobView> Farm::extend(const std::string& id, const StopChange& stops, const std::string& by) {
   FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
+  if (job->ended()) {
+    if (auto room = room_for_job(job->record().submitted_by); !room) return tl::unexpected(room.error());
+  }
   auto done = job->extend(stops, by);
   return changed(*job, std::move(done));
 }

@@ -133,7 +133,8 @@ enum class Artifact { kExr, kPng, kJson, kCheckpoint };
 class JobService {
  public:
   virtual ~JobService() = default;
-  /// Errors: kInvalidSpec with the spec's place; kInvalidInput for missing blobs or bad paths.
+  /// Errors: kInvalidSpec with the spec's place; kInvalidInput for missing blobs or bad paths; kUnavailable when the token has too
+  /// many jobs already.
   [[nodiscard]] virtual Result<JobView> submit(const Submission& submission) = 0;
   /// What submit() would say; files may be missing, and are warned of.
   [[nodiscard]] virtual Result<Validation> validate(const Submission& submission) = 0;

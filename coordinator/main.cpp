@@ -68,6 +68,7 @@ int serve(const Options& options) {
   farm.engine.ack_wait_seconds = options.ack_wait;
   farm.state = options.state;
   farm.retention = config->keep;
+  farm.jobs_per_token = config->limits.jobs_per_token;
   std::random_device random;
   farm.incarnation = (std::uint64_t{random()} << 32) | random();
   const pf::Log log;

@@ -226,7 +226,7 @@ HttpReply HttpRoutes::failure(const Error& error, const Unavailable& unavailable
 }
 
 HttpReply HttpRoutes::reply_job(const Result<JobView>& job, int status) const {
-  return job ? json_reply(to_json(*job), status) : failure(job.error(), status == 201 ? Unavailable() : kConflict);
+  return job ? json_reply(to_json(*job), status) : failure(job.error(), status == 201 ? kTooManyJobs : kConflict);
 }
 
 HttpReply HttpRoutes::health(const HttpRequest&, const Captures&) {

@@ -33,6 +33,7 @@ struct Unavailable {
   std::string_view type = "unavailable";
 };
 inline constexpr Unavailable kConflict{409, "conflict"};  ///< the job's state does not permit it
+inline constexpr Unavailable kTooManyJobs{429, "too-many-jobs"};  ///< of one token
 inline constexpr Unavailable kNotYet{409, "not-yet"};
 inline constexpr Unavailable kExpired{410, "expired"};
 

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "common/spec/job_spec.h"
 #include "coordinator/http/json.h"
 #include "coordinator/http/routes.h"
 
@@ -27,14 +28,14 @@ std::int64_t unix_ms() {
 /// refuse it.
 double pixels_of(const std::string& spec_json) {
   const json spec = json::parse(spec_json, nullptr, false);
-  if (!spec.is_object() || !spec.contains("image") || !spec["image"].is_object()) return 0;
-  double pixels = 1;
-  for (const char* side : {"width", "height"}) {
-    const json& image = spec["image"];
-    if (!image.contains(side) || !image[side].is_number()) return 0;
-    pixels *= image[side].get<double>();
-  }
-  return pixels;
+  const json image = spec.is_object() ? spec.value("image", json::object()) : json();
+  if (!image.is_object()) return 0;
+  const JobSpec defaults;
+  const auto side = [&](const char* key, int otherwise) {
+    const json given = image.value(key, json(otherwise));
+    return given.is_number() ? given.get<double>() : 0.0;
+  };
+  return side("width", defaults.image.width) * side("height", defaults.image.height);
 }
 
 }  // namespace

@@ -161,6 +161,7 @@ void World::start_coordinator() {
   options.ack_wait_seconds = kAckWait;
   options.incarnation = ++incarnation_;
   options.retention = retention_;
+  options.jobs_per_token = jobs_per_token_;
   farm_ = std::make_unique<Farm>(options, *coordinator_door_, *blobs_, clock_,
                                  [this] { return static_cast<std::int64_t>(clock_.now() * 1000); }, log_);
   if (!farm_->restore()) {
@@ -354,12 +355,16 @@ std::string World::describe() {
   return text;
 }
 
-std::string World::submit(const JobSpec& spec) {
+Submission World::submission(const JobSpec& spec) {
   Submission submission;
   submission.spec_json = canonical_json(spec);
   const auto scene = blobs_->put("a scene");
   submission.files = {{spec.scene.file, *scene}};
-  const auto view = farm_->submit(submission);
+  return submission;
+}
+
+std::string World::submit(const JobSpec& spec) {
+  const auto view = farm_->submit(submission(spec));
   return view ? view->id : view.error().message;
 }
 

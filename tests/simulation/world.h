@@ -40,6 +40,7 @@ class World {
   void add_worker(const std::string& name, Lie lie = Lie::kNone);
   /// Submits a job; its tracing is a pure function of spec, sub-pass and radii.
   std::string submit(const JobSpec& spec);
+  [[nodiscard]] Submission submission(const JobSpec& spec);
   /// Runs until all jobs have ended; false when `seconds` of simulated time did not suffice.
   [[nodiscard]] bool run(double seconds);
   void run_for(double seconds);
@@ -56,6 +57,7 @@ class World {
   void fill_disk(bool full);
   /// Of coordinators that start from now on.
   void keep(const RetentionPolicy& policy) { retention_ = policy; }
+  void limit_jobs_per_token(std::uint64_t most) { jobs_per_token_ = most; }
   [[nodiscard]] const std::filesystem::path& state() const { return folder_.path(); }
 
  private:
@@ -110,6 +112,7 @@ class World {
   std::uint64_t traced_ = 0;
   bool disk_full_ = false;
   RetentionPolicy retention_;
+  std::uint64_t jobs_per_token_ = FarmOptions().jobs_per_token;
 };
 
 /// Adds what the pretended algorithm finds in the sub-passes.

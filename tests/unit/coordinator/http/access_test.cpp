@@ -129,7 +129,16 @@ TEST_F(HttpAccess, JobsBeyondTheLimitsAreNotTaken) {
   EXPECT_EQ(post("/v1/jobs", submission(1000, 5000)).status, 201);
   EXPECT_EQ(post("/v1/jobs", submission(1001, 5000)).status, 413);
   EXPECT_EQ(post("/v1/jobs", submission(1000, 5001)).status, 413);
+  EXPECT_EQ(post("/v1/jobs", R"({"spec": {"image": {"width": 100000}}, "files": []})").status, 413) << "the other side's default counts";
   EXPECT_EQ(service_.submissions.size(), 1U);
+}
+
+TEST_F(HttpAccess, OneJobTooManyIsAProblemOfItsOwn) {
+  service_.submit_error = Error{ErrorKind::kUnavailable, "the token 'anna' has 2 jobs that have not ended"};
+  const RawReply refused = post("/v1/jobs", submission(10, 10));
+  EXPECT_EQ(refused.status, 429);
+  EXPECT_EQ(problem(refused, "type"), "urn:photonfarm:problem:too-many-jobs");
+  EXPECT_EQ(refused.headers.count("retry-after"), 0U) << "nobody knows when a job ends";
 }
 
 TEST_F(HttpAccess, NobodyElseReachesAPlainService) {

@@ -211,7 +211,7 @@ TEST_F(HttpRoutesTest, ListsWorkers) {
 TEST_F(HttpRoutesTest, ErrorKindsBecomeStatusCodes) {
   const std::vector<std::pair<ErrorKind, int>> table = {
       {ErrorKind::kUsage, 404},       {ErrorKind::kInvalidSpec, 422}, {ErrorKind::kInvalidInput, 422},
-      {ErrorKind::kUnavailable, 503}, {ErrorKind::kTimeout, 503},     {ErrorKind::kInternal, 500}};
+      {ErrorKind::kUnavailable, 429}, {ErrorKind::kTimeout, 503},     {ErrorKind::kInternal, 500}};
   for (const auto& [kind, status] : table) {
     service_.submit_error = Error{kind, "why \xff"};
     const RawReply reply = post("/v1/jobs", submission());
