@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -65,29 +66,17 @@ std::string result_json(const std::string& name, const RenderResult& r) {
       {"exr", r.exr.string()},
       {"png", r.png.string()},
       {"image_hash", r.image_hash},
-      {"passes", r.passes},
-      {"rounds", r.rounds},
-      {"photon_paths", r.photon_paths},
-      {"photons_stored", r.photons_stored},
-      {"rays", r.rays},
       {"seconds", {{"load", r.load_seconds}, {"prepare", r.prepare_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
       {"rays_per_second", rate(r.rays)},
       {"photons_per_second", rate(r.photon_paths)},
-      {"peak_bytes", r.peak_bytes},
       {"warnings", r.warnings},
       {"build_id", kBuildId}};
+  json.update(nlohmann::json(figures_json(r)));
   json["estimated_error"] = std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json(nullptr);
   for (const RenderSnapshot& s : r.snapshots) {
-    json["snapshots"].push_back({{"exr", s.exr.string()},
-                                 {"budget", s.budget},
-                                 {"seconds", s.seconds},
-                                 {"cpu_seconds", s.cpu_seconds},
-                                 {"passes", s.passes},
-                                 {"rounds", s.rounds},
-                                 {"photon_paths", s.photon_paths},
-                                 {"photons_stored", s.photons_stored},
-                                 {"rays", s.rays},
-                                 {"peak_bytes", s.peak_bytes}});
+    nlohmann::json snapshot = figures_json(s);
+    snapshot["exr"] = s.exr.string();
+    json["snapshots"].push_back(std::move(snapshot));
   }
   return json.dump(2) + "\n";
 }

@@ -7,28 +7,23 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/film/figures.h"
 #include "common/film/film.h"
 
 namespace pf {
 
 /// An image written while its job went on, and what had been spent on it by then.
-struct RenderSnapshot {
-  std::filesystem::path exr;   ///< beauty alone
-  double budget = 0;           ///< the largest that asked for it: seconds or passes
-  double seconds = 0;          ///< as stop.seconds counts, loading included, other snapshots left out
-  double cpu_seconds = 0;      ///< of the whole process, other snapshots left out
-  std::uint64_t sub_passes = 0, passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0;
-  std::uint64_t peak_bytes = 0;
+struct RenderSnapshot : SnapshotFigures {
+  std::filesystem::path exr;  ///< beauty alone
+  std::uint64_t sub_passes = 0;
 };
 
 /// Figures of a finished (or stopped) job, and where its files lie. One machine and the farm write the same.
-struct RenderResult {
+struct RenderResult : WorkFigures {
   std::filesystem::path exr, png, json;
   std::string image_hash;                       ///< SHA-256 of the beauty's floats: equal images, equal hashes
-  std::uint64_t passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0;
   double load_seconds = 0, prepare_seconds = 0, render_seconds = 0, write_seconds = 0;
   double error = 0;
-  std::uint64_t peak_bytes = 0;
   std::vector<std::string> warnings;
   std::vector<RenderSnapshot> snapshots;
 };

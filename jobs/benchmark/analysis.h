@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/result.h"
+#include "common/film/figures.h"
 #include "jobs/benchmark/reference.h"
 #include "jobs/benchmark/schedule.h"
 #include "jobs/benchmark/statistics.h"
@@ -17,10 +18,7 @@
 namespace pf::bench {
 
 /// One image of one run: what it cost and how far it is from the reference. Figures that do not exist are NaN.
-struct Sample {
-  double budget = 0;                    ///< seconds or passes, as the suite counts
-  double seconds = 0, cpu_seconds = 0;  ///< from the start of loading; of the whole process
-  std::uint64_t passes = 0, rounds = 0, photon_paths = 0, photons_stored = 0, rays = 0, peak_bytes = 0;
+struct Sample : SnapshotFigures {
   double rel_mse = 0, rel_mse_trimmed = 0, rmse = 0, hdr_flip = 0, mean_ratio = 0;
   double rel_mse_corrected = 0;     ///< rel_mse less the reference's own noise; may be below zero
   bool at_reference_noise = false;  ///< the corrected error is no more than the reference's noise

@@ -30,15 +30,7 @@ double number(const json& object, const char* name) {
 
 Sample sample_of(const json& s, const fs::path& folder) {
   Sample sample;
-  sample.budget = s.value("budget", 0.0);
-  sample.seconds = s.value("seconds", 0.0);
-  sample.cpu_seconds = s.value("cpu_seconds", 0.0);
-  sample.passes = s.value("passes", std::uint64_t{0});
-  sample.rounds = s.value("rounds", std::uint64_t{0});
-  sample.photon_paths = s.value("photon_paths", std::uint64_t{0});
-  sample.photons_stored = s.value("photons_stored", std::uint64_t{0});
-  sample.rays = s.value("rays", std::uint64_t{0});
-  sample.peak_bytes = s.value("peak_bytes", std::uint64_t{0});
+  static_cast<SnapshotFigures&>(sample) = snapshot_figures(s);
   sample.exr = folder / fs::path(s.value("exr", std::string())).filename();
   return sample;
 }

@@ -43,24 +43,17 @@ ordered_json run_json(const BenchResult& bench, const SceneResult& scene, const 
 }
 
 ordered_json sample_json(const Sample& s) {
-  return {{"budget", s.budget},
-          {"seconds", s.seconds},
-          {"cpu_seconds", s.cpu_seconds},
-          {"passes", s.passes},
-          {"rounds", s.rounds},
-          {"photon_paths", s.photon_paths},
-          {"photons_stored", s.photons_stored},
-          {"rays", s.rays},
-          {"peak_bytes", s.peak_bytes},
-          {"rel_mse", number(s.rel_mse)},
-          {"rel_mse_corrected", number(s.rel_mse_corrected)},
-          {"rel_mse_trimmed", number(s.rel_mse_trimmed)},
-          {"rmse", number(s.rmse)},
-          {"hdr_flip", number(s.hdr_flip)},
-          {"mean_ratio", number(s.mean_ratio)},
-          {"at_reference_noise", s.at_reference_noise},
-          {"nonfinite_pixels", s.nonfinite_pixels},
-          {"negative_pixels", s.negative_pixels}};
+  ordered_json json = figures_json(s);
+  json.update({{"rel_mse", number(s.rel_mse)},
+               {"rel_mse_corrected", number(s.rel_mse_corrected)},
+               {"rel_mse_trimmed", number(s.rel_mse_trimmed)},
+               {"rmse", number(s.rmse)},
+               {"hdr_flip", number(s.hdr_flip)},
+               {"mean_ratio", number(s.mean_ratio)},
+               {"at_reference_noise", s.at_reference_noise},
+               {"nonfinite_pixels", s.nonfinite_pixels},
+               {"negative_pixels", s.negative_pixels}});
+  return json;
 }
 
 ordered_json parts_json(const std::optional<ErrorParts>& parts) {
