@@ -203,6 +203,7 @@ void Farm::on_heartbeat(const std::string& worker, std::uint64_t incarnation, co
       }
     }
     entry.job->on_held(worker, held, preparing);
+    if (!held.empty()) entry.job->note_memory(heartbeat.resident_bytes());
   }
   welcome(worker);
 }

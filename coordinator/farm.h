@@ -66,6 +66,7 @@ class Farm {
   [[nodiscard]] Result<void> remove(const std::string& id, const std::string& by);
   [[nodiscard]] Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) const;
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(const std::string& id) const;
+  [[nodiscard]] Result<Estimate> estimate(const std::string& id, const EstimateRequest& request) const;
   [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) const;
   [[nodiscard]] Result<std::string> preview_png(const std::string& id) const;
   [[nodiscard]] Result<LayerList> layers(const std::string& id) const;

@@ -72,6 +72,7 @@ class FarmJob {
   /// Units whose first sub-pass is beyond `after`, at most `most`.
   [[nodiscard]] Result<UnitPage> units(std::optional<std::uint64_t> after, std::size_t most) const;
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence() const;
+  [[nodiscard]] Result<Estimate> estimate(const EstimateRequest& asked) const;
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const Film* film() const { return film_.get(); }
   /// Radii that its tasks name; no bytes: none.
@@ -91,6 +92,8 @@ class FarmJob {
 
   /// `held`: units of this job that the worker says it has.
   void on_held(const std::string& worker, const std::vector<UnitRange>& held, bool preparing);
+  /// A worker that works on it holds so much memory.
+  void note_memory(std::uint64_t bytes);
   [[nodiscard]] Answer on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest);
   [[nodiscard]] Answer on_chunk(const std::string& worker, std::uint64_t incarnation, const wire::ResultChunk& chunk);
   /// Not counted: its units go out again.
@@ -188,6 +191,8 @@ class FarmJob {
   std::unique_ptr<Film> film_;
   BlobId state_;                                   ///< radii of the open round; no bytes: none
   std::optional<std::uint64_t> state_round_;       ///< whose radii they are
+  std::optional<std::uint64_t> state_bytes_;       ///< of the latest radii, 0: it has none; unknown before the first round
+  std::uint64_t worker_bytes_ = 0;                 ///< most memory that a worker held while it worked on it; 0: not known
   UnitLedger ledger_;
   std::optional<UnitLedger::Out> preparing_;
   std::deque<std::uint64_t> repeat_;               ///< first sub-passes of units to publish again

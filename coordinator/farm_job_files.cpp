@@ -108,12 +108,14 @@ Result<void> FarmJob::save_checkpoint() {
 }
 
 Result<void> FarmJob::write_state() {
+  if (!state_bytes_) state_bytes_ = 0;
   if (film_->state().empty()) return {};
   auto blob = write_state_blob(film_->state(), around_.blobs);
   if (!blob) return tl::unexpected(blob.error());
   // Workers of the round before may still be reading the old one; they would only be refused.
   if (state_ != *blob) drop_state();
   state_ = *blob;
+  state_bytes_ = state_.bytes;
   state_round_ = film_->round_begin();
   return {};
 }

@@ -158,6 +158,9 @@ Result<UnitPage> FarmProcess::units(const std::string& id, std::optional<std::ui
 Result<std::vector<ConvergencePoint>> FarmProcess::convergence(const std::string& id) {
   return ask([id](Farm& farm) { return farm.convergence(id); });
 }
+Result<Estimate> FarmProcess::estimate(const std::string& id, const EstimateRequest& request) {
+  return ask([id, request](Farm& farm) { return farm.estimate(id, request); });
+}
 Result<std::filesystem::path> FarmProcess::artifact(const std::string& id, Artifact kind) {
   return ask([id, kind](Farm& farm) { return farm.artifact(id, kind); });
 }

@@ -50,6 +50,7 @@ class FarmProcess final : public JobService {
   [[nodiscard]] Result<void> remove(const std::string& id, const std::string& by) override;
   [[nodiscard]] Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) override;
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(const std::string& id) override;
+  [[nodiscard]] Result<Estimate> estimate(const std::string& id, const EstimateRequest& request) override;
   [[nodiscard]] Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override;
   [[nodiscard]] Result<std::string> preview_png(const std::string& id) override;
   [[nodiscard]] Result<LayerList> layers(const std::string& id) override;

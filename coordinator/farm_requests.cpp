@@ -80,6 +80,9 @@ Result<JobView> Farm::submit(const Submission& submission) {
   if (auto room = room_for_job(submission.submitted_by); !room) return tl::unexpected(room.error());
   auto spec = parse_job_json(submission.spec_json, "request");
   if (!spec) return tl::unexpected(spec.error());
+  // Nothing else differs: extended, the pilot is the job.
+  double& seconds = spec->stop.seconds;
+  if (submission.pilot_seconds > 0 && (seconds <= 0 || seconds > submission.pilot_seconds)) seconds = submission.pilot_seconds;
   for (const auto& [path, blob] : submission.files) {
     if (!blobs_.has(blob)) {
       return fail(ErrorKind::kInvalidInput, fmt::format("{}: its content {} is not here; upload it first", path, blob.sha256));
@@ -242,6 +245,12 @@ Result<std::vector<ConvergencePoint>> Farm::convergence(const std::string& id) c
   const FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
   return job->convergence();
+}
+
+Result<Estimate> Farm::estimate(const std::string& id, const EstimateRequest& request) const {
+  const FarmJob* job = find(id);
+  if (job == nullptr) return unknown_job(id);
+  return job->estimate(request);
 }
 
 Result<std::filesystem::path> Farm::artifact(const std::string& id, Artifact kind) const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/film/prediction.h"
 #include "common/wire/blob_store.h"
 #include "coordinator/job_state.h"
 #include "coordinator/layer_pixels.h"
@@ -70,6 +71,7 @@ struct Submission {
   std::vector<std::pair<std::string, BlobId>> files;  ///< of the bundle; all blobs are in the store already
   std::string idempotency_key;                      ///< the same key again returns the first job; may be empty
   std::string submitted_by;                         ///< name of a token
+  double pilot_seconds = 0;                         ///< > 0: a pilot, that is the job stopped after so many seconds
 };
 
 /// What a job file says, without submitting it.
@@ -94,6 +96,15 @@ struct JobList {
 struct StopChange {
   std::optional<std::int64_t> passes;               ///< more than so far; 0: no bound
   std::optional<double> seconds, error;
+};
+/// What an estimate is to be for; 0: what the job's own stops say.
+struct EstimateRequest {
+  double passes = 0, error = 0;
+};
+struct Estimate {
+  Pilot pilot;                                      ///< what the job has shown
+  Prediction prediction;                            ///< ranges of nothing but 0: not known
+  int workers = 1;                                  ///< that took part: seconds and bytes are for so many
 };
 struct JobChange {
   std::optional<int> priority;                      ///< 0..100
@@ -160,6 +171,9 @@ class JobService {
   /// Units whose first sub-pass is beyond `after`, at most 1000.
   [[nodiscard]] virtual Result<UnitPage> units(const std::string& id, std::optional<std::uint64_t> after) = 0;
   [[nodiscard]] virtual Result<std::vector<ConvergencePoint>> convergence(const std::string& id) = 0;
+  /// What all of a job is going to cost, from what it has cost so far. Errors: kUnavailable while that is too little to tell;
+  /// kInvalidInput when neither passes nor an error bound it.
+  [[nodiscard]] virtual Result<Estimate> estimate(const std::string& id, const EstimateRequest& request) = 0;
   /// Where the file lies; it does not change afterwards (it may be replaced as a whole). Errors: kUnavailable while there is
   /// none yet, or when it has expired.
   [[nodiscard]] virtual Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) = 0;

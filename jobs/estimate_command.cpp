@@ -1,10 +1,9 @@
-// photonfarm estimate: a few sub-passes of the job, and what they say about all of it.
+// photonfarm estimate: a few sub-passes of the job, here or on a farm, and what they say about all of it.
 
 #include <algorithm>
 #include <ostream>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "common/base/atomic_file.h"
@@ -12,10 +11,11 @@
 #include "common/base/status_line.h"
 #include "common/film/prediction.h"
 #include "common/wire/bundle.h"
-#include "jobs/command.h"
+#include "jobs/client_command.h"
 #include "jobs/job_text.h"
 #include "jobs/process.h"
 #include "jobs/scratch_folder.h"
+#include "jobs/submission.h"
 
 namespace pf {
 namespace {
@@ -28,7 +28,6 @@ struct EstimateOptions {
   std::vector<std::string> overrides;
   double error = 0, passes = 0, seconds = 10;
   int workers = 1, threads = 0;
-  bool json = false;
 };
 
 /// Runs the renderer and reads the JSON that it prints.
@@ -88,53 +87,93 @@ Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, 
   return pilot;
 }
 
-json to_json(const Range& range) {
-  return {{"low", range.low}, {"likely", range.likely}, {"high", range.high}};
-}
-
-json document_of(const Pilot& pilot, const Prediction& p, int workers) {
-  json points = json::array();
-  for (const PilotPoint& point : pilot.points)
-    points.push_back({{"passes", point.passes},
-                      {"seconds", point.seconds},
-                      {"estimated_error", point.error > 0 ? json(point.error) : json()}});
-  return {{"passes", p.passes},
-          {"seconds", to_json(p.seconds)},
-          {"memory_bytes", to_json(p.memory_bytes)},
-          {"network_bytes", to_json(p.network_bytes)},
-          {"estimated_error", p.error.likely > 0 ? to_json(p.error) : json()},
-          {"passes_to_error", p.passes_to_error ? to_json(*p.passes_to_error) : json()},
-          {"workers", workers},
-          {"pilot", points}};
-}
-
-std::string text_of(const Prediction& p, int workers, double error) {
+/// A line for each figure of a prediction_json that is known.
+std::string text_of(const json& prediction, std::string_view where, double error) {
   const auto bytes = [](double value) { return short_number(value) + "B"; };
-  const auto row = [&](std::string_view name, const Range& r, const auto& form) {
-    return fmt::format("  {:<22}{:>12}   ({} to {})\n", name, form(r.likely), form(r.low), form(r.high));
+  const auto row = [&](std::string_view name, const char* key, const auto& form) {
+    const json range = prediction.value(key, json());
+    if (!range.is_object()) return std::string();
+    return fmt::format("  {:<22}{:>12}   ({} to {})\n", name, form(job_number(range, "likely")),
+                       form(job_number(range, "low")), form(job_number(range, "high")));
   };
-  const auto number = [](double value) { return fmt::format("{:.0f}", value); };
-  const auto small = [](double value) { return fmt::format("{:.3g}", value); };
-  std::string text = fmt::format("{:.0f} passes:\n", p.passes);
-  text += row("time on this machine", p.seconds, [](double s) { return clock_time(s); });
-  text += row("memory of a renderer", p.memory_bytes, bytes);
-  text += row(fmt::format("network, {} worker{}", workers, workers == 1 ? "" : "s"), p.network_bytes, bytes);
-  if (p.error.likely > 0) text += row("estimated error", p.error, small);
-  if (p.passes_to_error)
-    text += row(fmt::format("passes to error {:.3g}", error), *p.passes_to_error, number);
+  const double workers = job_number(prediction, "workers");
+  std::string text = fmt::format("{:.0f} passes:\n", job_number(prediction, "passes"));
+  text += row(fmt::format("time {}", where), "seconds", [](double s) { return clock_time(s); });
+  text += row("memory of a renderer", "memory_bytes", bytes);
+  text +=
+      row(fmt::format("network, {:.0f} worker{}", workers, workers == 1 ? "" : "s"), "network_bytes", bytes);
+  text +=
+      row("estimated error", "estimated_error", [](double value) { return fmt::format("{:.3g}", value); });
+  text += row(fmt::format("passes to error {:.3g}", error), "passes_to_error",
+              [](double value) { return fmt::format("{:.0f}", value); });
   return text;
+}
+
+/// The job itself is the pilot: it runs on the farm until the pilot's time is over.
+int estimate_on_farm(ClientCommand& command, const EstimateOptions& options, const JobSpec& spec) {
+  const auto files = hash_files(spec);
+  if (!files) return command.report(files.error());
+  auto job =
+      submit_job(command.client(), spec, *files, fmt::format("/v1/estimates?seconds={}", options.seconds));
+  if (!job) return command.report(job.error());
+  const std::string id = job_text(*job, "id");
+  if (const int code = command.watch(*job); code != 0) return code;
+  std::string path = fmt::format("/v1/jobs/{}/estimate?", id);
+  if (options.passes > 0) path += fmt::format("passes={}&", options.passes);
+  if (options.error > 0) path += fmt::format("error={}&", options.error);
+  path.pop_back();
+  const auto estimate = command.client().ask({.path = path}, true);
+  if (!estimate) return command.report(estimate.error());
+  command.note(
+      fmt::format("the pilot is the job, stopped early; 'photonfarm extend {} --seconds {}' has it go on", id,
+                  spec.stop.seconds));
+  if (command.json()) return command.print(*estimate);
+  const double workers = job_number(*estimate, "workers");
+  command.context().out << text_of(*estimate,
+                                   fmt::format("on {:.0f} worker{}", workers, workers == 1 ? "" : "s"),
+                                   options.error > 0 ? options.error : spec.stop.error);
+  return 0;
+}
+
+int estimate_here(ClientCommand& command, const EstimateOptions& options, const JobSpec& spec) {
+  const ScratchFolder scratch(command.context().temporary);
+  if (scratch.path().empty())
+    return command.report(
+        {ErrorKind::kInternal, command.context().temporary.string() + ": no folder can be made there"});
+  const auto pilot = run_pilot(command.context(), options, spec, scratch.path());
+  if (!pilot) return command.report(pilot.error());
+  const double error = options.error > 0 ? options.error : spec.stop.error;
+  PredictionRequest request{.passes = options.passes,
+                            .error = error,
+                            .workers = options.workers,
+                            .round_growth = spec.integrator.round_growth,
+                            .barrier = spec.integrator.mode == ProgressiveMode::kShared};
+  const bool error_known =
+      std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
+  if (request.passes <= 0 && !(error > 0 && error_known))
+    request.passes = static_cast<double>(spec.stop.passes);
+  if (request.passes <= 0 && !(error > 0 && error_known))
+    return command.report(
+        {ErrorKind::kUsage, "neither passes nor a known error bound this job; expected --passes or --error"});
+  const json prediction = prediction_json(*pilot, predict(*pilot, request), options.workers);
+  if (command.json()) return command.print(prediction);
+  command.context().out << text_of(prediction, "on this machine", error);
+  return 0;
 }
 
 }  // namespace
 
 int run_estimate_command(const Context& context, const Arguments& arguments) {
   EstimateOptions options;
-  CLI::App app(
-      "Renders a few sub-passes of a job on this machine and predicts, each with a range, what all of it "
+  bool on_farm = false;
+  ClientCommand command(
+      context, "estimate",
+      "Renders a few sub-passes of a job, on this machine or on a farm, and predicts, each with a range, "
+      "what all of it "
       "costs:\n"
       "time, memory, bytes on a farm's network, and the passes to an error (noise alone: bias shows too late "
-      "for a pilot).",
-      "photonfarm estimate");
+      "for a pilot).");
+  CLI::App& app = command.app();
   app.add_option("JOB", options.job, "job file (.toml or .json)")->required();
   app.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")
       ->take_all()
@@ -144,49 +183,27 @@ int run_estimate_command(const Context& context, const Arguments& arguments) {
   app.add_option("--passes", options.passes,
                  "predict for so many passes; default: what the error needs, else stop.passes")
       ->check(CLI::Range(0.0, 1e12));
-  app.add_option("--workers", options.workers, "workers of the farm")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 100000));
-  app.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
+  CLI::Option* workers =
+      app.add_option("--workers", options.workers, "workers of the farm whose network is asked about")
+          ->capture_default_str()
+          ->check(CLI::Range(1, 100000));
+  CLI::Option* threads =
+      app.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
   app.add_option("--seconds", options.seconds, "for the pilot, about")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 86400.0));
-  app.add_flag("--json", options.json, "one JSON document on standard output, and nothing else there");
-  app.footer(
-      "Examples:\n  photonfarm estimate jobs/glass-caustic.toml --error 0.02\n"
-      "  photonfarm estimate job.toml --passes 4096 --workers 16 --json");
-  if (const std::optional<int> code = parse_arguments(app, context, arguments)) return *code;
-  const auto report = [&](const Error& error) {
-    context.err << "photonfarm estimate: " << error.message << '\n';
-    return exit_code(error.kind);
-  };
+  app.add_flag("--farm", on_farm,
+               "the pilot runs on the farm, with its workers: the job is submitted and stops after --seconds")
+      ->excludes(workers)
+      ->excludes(threads);
+  command.examples(
+      "  photonfarm estimate jobs/glass-caustic.toml --error 0.02\n"
+      "  photonfarm estimate job.toml --passes 4096 --workers 16 --json\n"
+      "  photonfarm estimate job.toml --farm --seconds 30");
+  if (const std::optional<int> code = command.parse(arguments)) return *code;
   const auto spec = load_job(options.job, options.overrides);
-  if (!spec) return report(spec.error());
-  const ScratchFolder scratch(context.temporary);
-  if (scratch.path().empty())
-    return report({ErrorKind::kInternal, context.temporary.string() + ": no folder can be made there"});
-  const auto pilot = run_pilot(context, options, *spec, scratch.path());
-  if (!pilot) return report(pilot.error());
-  const double error = options.error > 0 ? options.error : spec->stop.error;
-  PredictionRequest request{.passes = options.passes,
-                            .error = error,
-                            .workers = options.workers,
-                            .round_growth = spec->integrator.round_growth,
-                            .barrier = spec->integrator.mode == ProgressiveMode::kShared};
-  const bool error_known =
-      std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
-  if (request.passes <= 0 && !(error > 0 && error_known))
-    request.passes = static_cast<double>(spec->stop.passes);
-  if (request.passes <= 0 && !(error > 0 && error_known))
-    return report(
-        {ErrorKind::kUsage, "neither passes nor a known error bound this job; expected --passes or --error"});
-  const Prediction prediction = predict(*pilot, request);
-  if (options.json) {
-    context.out << document_of(*pilot, prediction, options.workers).dump(2) << '\n';
-  } else {
-    context.out << text_of(prediction, options.workers, error);
-  }
-  return 0;
+  if (!spec) return command.report(spec.error());
+  return on_farm ? estimate_on_farm(command, options, *spec) : estimate_here(command, options, *spec);
 }
 
 }  // namespace pf

@@ -68,11 +68,11 @@ Result<void> upload_files(ServiceClient& client, const std::vector<SubmittedFile
 
 namespace {
 
-Result<json> post_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
+Result<json> post_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files, const std::string& path) {
   const auto key = new_key();
   if (!key) return tl::unexpected(key.error());
   return client.ask({.method = "POST",
-                     .path = "/v1/jobs",
+                     .path = path,
                      .headers = {{"Idempotency-Key", *key}},
                      .body = submission_body(spec, files).dump()},
                     true);
@@ -91,12 +91,12 @@ Result<json> submit_known_files(ServiceClient& client, const JobSpec& spec, cons
     }
     if (head->status != 200) return tl::unexpected(client.check(*head).error());
   }
-  return post_job(client, spec, files);
+  return post_job(client, spec, files, std::string(kJobsPath));
 }
 
-Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files) {
+Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files, const std::string& path) {
   if (auto uploaded = upload_files(client, files); !uploaded) return tl::unexpected(uploaded.error());
-  return post_job(client, spec, files);
+  return post_job(client, spec, files, path);
 }
 
 }  // namespace pf

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <nlohmann/json.hpp>
+
 #include "common/film/progressive.h"
 
 namespace pf {
@@ -52,9 +54,15 @@ Range pass_seconds(const std::vector<PilotPoint>& points) {
           std::max(cost.high, cost.likely) * (1 + kNoise)};
 }
 
+nlohmann::json range_or_null(const Range& range) {
+  if (range.likely <= 0) return {};
+  return {{"low", range.low}, {"likely", range.likely}, {"high", range.high}};
+}
+
 double rounds_until(double passes, double growth) {
+  constexpr double kMostPasses = 1e15;  // beyond, it is of no account
   double rounds = 0;
-  for (double done = 0; done < passes && rounds < 1e6; ++rounds)
+  for (double done = 0; done < std::min(passes, kMostPasses) && rounds < 1e6; ++rounds)
     done += static_cast<double>(round_size(static_cast<std::uint64_t>(done), growth));
   return rounds;
 }
@@ -106,6 +114,25 @@ Prediction predict(const Pilot& pilot, const PredictionRequest& request) {
     p.network_bytes = {bytes(results(60), n), bytes(results(15), n), bytes(results(4), n)};
   }
   return p;
+}
+
+nlohmann::json prediction_json(const Pilot& pilot, const Prediction& prediction, int workers) {
+  using nlohmann::json;
+  json points = json::array();
+  for (const PilotPoint& point : pilot.points) {
+    points.push_back({{"passes", point.passes},
+                      {"seconds", point.seconds},
+                      {"estimated_error", point.error > 0 ? json(point.error) : json()}});
+  }
+  return {
+      {"passes", prediction.passes},
+      {"seconds", range_or_null(prediction.seconds)},
+      {"memory_bytes", range_or_null(prediction.memory_bytes)},
+      {"network_bytes", range_or_null(prediction.network_bytes)},
+      {"estimated_error", range_or_null(prediction.error)},
+      {"passes_to_error", prediction.passes_to_error ? range_or_null(*prediction.passes_to_error) : json()},
+      {"workers", workers},
+      {"pilot", std::move(points)}};
 }
 
 }  // namespace pf

@@ -4,6 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 namespace pf {
 
 /// What one part of a pilot render showed: passes up to `passes`.
@@ -48,5 +50,10 @@ struct Prediction {
 /// between -1/2 (Monte Carlo) and -0.3 (progressive photon mapping, whose squared error falls as N^(-2/3),
 /// and a little); the pilot's own slope gives the likely one, and the two laws the range.
 [[nodiscard]] Prediction predict(const Pilot& pilot, const PredictionRequest& request);
+
+/// {"passes", "seconds": {"low", "likely", "high"}, "memory_bytes", "network_bytes", "estimated_error",
+/// "passes_to_error", "workers", "pilot": [{"passes", "seconds", "estimated_error"}]}; what is not known is
+/// null.
+[[nodiscard]] nlohmann::json prediction_json(const Pilot& pilot, const Prediction& prediction, int workers);
 
 }  // namespace pf

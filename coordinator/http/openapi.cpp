@@ -40,6 +40,11 @@ constexpr std::array kObjects{
     ObjectSchema{"UnitPage", "units:Unit[] after:integer?"},
     ObjectSchema{"Point", "seconds:number passes:integer rounds:integer rays:integer estimated_error:number?"},
     ObjectSchema{"Convergence", "points:Point[]"},
+    ObjectSchema{"Range", "low:number likely:number high:number"},
+    ObjectSchema{"PilotPoint", "passes:number seconds:number estimated_error:number?"},
+    ObjectSchema{"Estimate",
+                 "job:string passes:number seconds:Range? memory_bytes:Range? network_bytes:Range? estimated_error:Range? "
+                 "passes_to_error:Range? workers:integer pilot:PilotPoint[]"},
     ObjectSchema{"Layers", "layers:string[] channels:LayerChannels width:integer height:integer"},
     ObjectSchema{"Worker",
                  "name:string host:string process:integer state:string message:string job_id:string units_held:integer rays:integer "
@@ -71,6 +76,9 @@ constexpr std::array kParameters{
     Parameter{"after", "integer", "only what comes after this one: a log entry's number, a unit's first sub-pass"},
     Parameter{"layer", "string", "as /layers names it; else beauty"},
     Parameter{"max_width", "integer", "of the pixels sent: 1 to 2048, else 960"},
+    Parameter{"seconds", "number", "after which the pilot stops: 0.1 to 86400, else 10"},
+    Parameter{"passes", "number", "to predict for: 1 to 1e12; else what the error needs, else the job's own"},
+    Parameter{"error", "number", "estimated relative error aimed at: 1e-9 to 1e6; else the job's own"},
     Parameter{"follow", "integer", "1: go on until the job has ended"},
 };
 
@@ -106,6 +114,12 @@ constexpr std::array kOperations{
               "Stops", "Job"},
     Operation{"GET", "/v1/jobs/{id}/units", "units", "Who traced which sub-passes, at most 1000 at a time", "read", "after", "", "UnitPage"},
     Operation{"GET", "/v1/jobs/{id}/convergence", "convergence", "How far the job was when", "read", "", "", "Convergence"},
+    Operation{"POST", "/v1/estimates", "submit-pilot",
+              "Submit a job that stops after some seconds, so that its estimate can be asked for; extended, it goes on to be the job itself",
+              "submit", "seconds", "Submission", "Job", 201},
+    Operation{"GET", "/v1/jobs/{id}/estimate", "estimate",
+              "What all of a job is going to cost on this farm, with ranges, from the sub-passes that it has done", "read", "passes error", "",
+              "Estimate"},
     Operation{"GET", "/v1/jobs/{id}/events", "events", "The job at once and after every change, as events `job`", "read", "", "", "", 200,
               "text/event-stream"},
     Operation{"GET", "/v1/jobs/{id}/logs", "logs", "Log entries, a line of JSON each", "read", "after follow", "", "LogEntry", 200,
@@ -194,7 +208,7 @@ json parameters_of(const Operation& operation) {
       if (p.name == name) parameters.push_back({{"name", name}, {"in", "query"}, {"description", p.what}, {"schema", schema_of_type(p.type)}});
     }
   }
-  if (operation.id == "submit") {
+  if (operation.id.starts_with("submit")) {
     parameters.push_back({{"name", "Idempotency-Key"}, {"in", "header"}, {"schema", {{"type", "string"}, {"maxLength", 128}}}});
   }
   return parameters;

@@ -117,6 +117,8 @@ std::span<const HttpRoutes::Route> HttpRoutes::routes() {
       Route{"POST", "/v1/jobs/{}/extend", &HttpRoutes::extend_job},
       Route{"GET", "/v1/jobs/{}/units", &HttpRoutes::units},
       Route{"GET", "/v1/jobs/{}/convergence", &HttpRoutes::convergence},
+      Route{"POST", "/v1/estimates", &HttpRoutes::submit_pilot},
+      Route{"GET", "/v1/jobs/{}/estimate", &HttpRoutes::estimate},
       Route{"GET", "/v1/jobs/{}/events", &HttpRoutes::events},
       Route{"GET", "/v1/jobs/{}/logs", &HttpRoutes::logs},
       Route{"GET", "/v1/jobs/{}/image.exr", &HttpRoutes::exr},
@@ -256,7 +258,9 @@ tl::expected<std::string, HttpReply> HttpRoutes::json_body(const HttpRequest& re
   return body;
 }
 
-HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
+HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) { return take_job(request, 0, ""); }
+
+HttpReply HttpRoutes::take_job(const HttpRequest& request, double pilot_seconds, std::string_view then) {
   const std::string key = request.header("idempotency-key");
   const auto printable = [](char c) { return c > ' ' && c <= '~'; };
   if (key.size() > 128 || !std::ranges::all_of(key, printable)) {
@@ -270,9 +274,10 @@ HttpReply HttpRoutes::submit(const HttpRequest& request, const Captures&) {
   if (auto refused = over_limits(*submission, request.caller)) return std::move(*refused);
   submission->idempotency_key = key;
   submission->submitted_by = request.caller.name;
+  submission->pilot_seconds = pilot_seconds;
   const auto job = service_.submit(*submission);
   HttpReply reply = reply_job(job, 201);
-  if (job) reply.headers.emplace_back("Location", "/v1/jobs/" + job->id);
+  if (job) reply.headers.emplace_back("Location", fmt::format("/v1/jobs/{}{}", job->id, then));
   return reply;
 }
 

@@ -86,6 +86,10 @@ class HttpRoutes {
   [[nodiscard]] HttpReply openapi(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply health(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply submit(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply submit_pilot(const HttpRequest&, const Captures&);
+  [[nodiscard]] HttpReply estimate(const HttpRequest&, const Captures&);
+  /// Takes a submission; `then` follows the job's address in Location.
+  [[nodiscard]] HttpReply take_job(const HttpRequest& request, double pilot_seconds, std::string_view then);
   [[nodiscard]] HttpReply validate(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply list_jobs(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply show_job(const HttpRequest&, const Captures&);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+#include <cmath>
 #include <utility>
 
 #include "coordinator/http/json.h"
@@ -10,6 +12,17 @@
 namespace pf {
 
 using nlohmann::json;
+
+namespace {
+
+std::optional<double> decimal_number(std::string_view text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+}  // namespace
 
 HttpReply HttpRoutes::validate(const HttpRequest& request, const Captures&) {
   auto body = json_body(request);
@@ -84,6 +97,36 @@ HttpReply HttpRoutes::convergence(const HttpRequest&, const Captures& captures) 
   json list = json::array();
   for (const ConvergencePoint& point : *points) list.push_back(to_json(point));
   return json_reply({{"points", std::move(list)}});
+}
+
+HttpReply HttpRoutes::submit_pilot(const HttpRequest& request, const Captures&) {
+  constexpr double kDefault = 10, kLeast = 0.1, kMost = 86400;
+  const std::string text = request.param("seconds");
+  const auto seconds = text.empty() ? std::optional(kDefault) : decimal_number(text);
+  if (!seconds || *seconds < kLeast || *seconds > kMost) return problem(400, "bad-request", fmt::format("seconds: expected {} to {}", kLeast, kMost));
+  return take_job(request, *seconds, "/estimate");
+}
+
+HttpReply HttpRoutes::estimate(const HttpRequest& request, const Captures& captures) {
+  constexpr double kMostPasses = 1e12, kLeastError = 1e-9, kMostError = 1e6;
+  EstimateRequest wanted;
+  const std::string passes = request.param("passes"), error = request.param("error");
+  if (!passes.empty()) {
+    const auto number = decimal_number(passes);
+    if (!number || *number < 1 || *number > kMostPasses) return problem(400, "bad-request", fmt::format("passes: expected 1 to {}", kMostPasses));
+    wanted.passes = *number;
+  }
+  if (!error.empty()) {
+    const auto number = decimal_number(error);
+    if (!number || *number < kLeastError || *number > kMostError)
+      return problem(400, "bad-request", fmt::format("error: expected {} to {}", kLeastError, kMostError));
+    wanted.error = *number;
+  }
+  const auto estimate = service_.estimate(captures[0], wanted);
+  if (!estimate) return failure(estimate.error(), kNotYet);
+  json document = prediction_json(estimate->pilot, estimate->prediction, estimate->workers);
+  document["job"] = captures[0];
+  return json_reply(document);
 }
 
 HttpReply HttpRoutes::steer_worker(const HttpRequest& request, const Captures& captures, WorkerVerb verb) {

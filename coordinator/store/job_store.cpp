@@ -251,6 +251,19 @@ Result<std::vector<UnitView>> JobStore::units(std::uint64_t job, std::uint64_t f
   return units;
 }
 
+Result<JobStore::Results> JobStore::results(std::uint64_t job) const {
+  auto statement = database_.prepare("SELECT worker, count(*) FROM results WHERE job = ?1 GROUP BY worker");
+  if (!statement) return tl::unexpected(statement.error());
+  Results results;
+  auto read = for_rows(statement->bind_all(job), [&](const Statement& row) {
+    results.workers.insert(row.text(0));
+    results.count += row.count(1);
+    return true;
+  });
+  if (!read) return tl::unexpected(read.error());
+  return results;
+}
+
 Result<std::vector<ConvergencePoint>> JobStore::convergence(std::uint64_t job) const {
   auto statement = database_.prepare("SELECT points FROM convergence WHERE job = ?1");
   if (!statement) return tl::unexpected(statement.error());

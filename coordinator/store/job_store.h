@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -56,6 +57,11 @@ class JobStore {
 
   /// Counted units whose first sub-pass is `from` or later, ascending.
   [[nodiscard]] Result<std::vector<UnitView>> units(std::uint64_t job, std::uint64_t from, std::size_t most) const;
+  struct Results {
+    std::uint64_t count = 0;
+    std::set<std::string> workers;      ///< that they came from
+  };
+  [[nodiscard]] Result<Results> results(std::uint64_t job) const;
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(std::uint64_t job) const;
   [[nodiscard]] Result<std::vector<Transition>> transitions(std::uint64_t job) const;
 

@@ -26,7 +26,8 @@ TEST(JobsPerToken, OneMoreThanTheLimitIsRefusedUntilAnotherHasEnded) {
   const auto refused = submit("ada");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().kind, ErrorKind::kUnavailable);
-  EXPECT_NE(refused.error().message.find("'ada' has 2 jobs that have not ended; expected at most 2"), std::string::npos)
+  EXPECT_NE(refused.error().message.find("'ada' has 2 jobs that have not ended; expected at most 2"),
+            std::string::npos)
       << refused.error().message;
   EXPECT_EQ(farm.list().size(), 2u);
   EXPECT_EQ(submit("ada", "a-key").value().id, first->id) << "a repetition is no further job";
@@ -34,7 +35,8 @@ TEST(JobsPerToken, OneMoreThanTheLimitIsRefusedUntilAnotherHasEnded) {
 
   ASSERT_TRUE(farm.act(first->id, JobEvent::kCancel, "ada"));
   ASSERT_TRUE(submit("ada")) << "one has ended";
-  for (const auto& again : {farm.act(first->id, JobEvent::kRetry, "ada"), farm.extend(first->id, {.passes = 9, .seconds = {}, .error = {}}, "ada")}) {
+  for (const auto& again : {farm.act(first->id, JobEvent::kRetry, "ada"),
+                            farm.extend(first->id, {.passes = 9, .seconds = {}, .error = {}}, "ada")}) {
     ASSERT_FALSE(again) << "nor does an ended one come back beyond the limit";
     EXPECT_EQ(again.error().kind, ErrorKind::kUnavailable);
   }

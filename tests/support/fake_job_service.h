@@ -110,6 +110,12 @@ class FakeJobService final : public JobService {
     if (auto job = find(id); !job) return tl::unexpected(job.error());
     return points;
   }
+  Result<Estimate> estimate(const std::string& id, const EstimateRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (auto job = find(id); !job) return tl::unexpected(job.error());
+    if (pilot.points.empty()) return fail(ErrorKind::kUnavailable, "too few sub-passes are done to tell");
+    return Estimate{pilot, predict(pilot, {.passes = request.passes, .error = request.error}), 2};
+  }
   Result<std::filesystem::path> artifact(const std::string& id, Artifact kind) override {
     const std::lock_guard lock(mutex_);
     if (auto job = find(id); !job) return tl::unexpected(job.error());
@@ -192,6 +198,7 @@ class FakeJobService final : public JobService {
   std::string preview;
   std::vector<UnitView> all_units;
   std::vector<ConvergencePoint> points;
+  Pilot pilot;                    ///< of every job
   std::vector<std::string> acts;  ///< verbs that were asked for, of whom, by whom
   std::optional<LayeredImage> image;  ///< of running jobs
   int pixels_made = 0;

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "common/base/memory.h"
 #include "common/wire/bundle.h"
 #include "common/wire/limits.h"
 
@@ -70,6 +71,7 @@ void Session::send_heartbeat() {
   h.set_sub_passes(sub_passes_);
   h.set_trace_seconds(trace_seconds_);
   h.set_cache_bytes(blobs_.bytes());
+  h.set_resident_bytes(resident_bytes());
   last_heartbeat_ = clock_.now();
   send(message);
 }

@@ -7,6 +7,7 @@
 
 #include "coordinator/http/json.h"
 #include "coordinator/http/routes.h"
+#include "tests/support/json_schema.h"
 #include "tests/unit/coordinator/http/fixture.h"
 
 namespace pf::test {
@@ -25,58 +26,6 @@ std::string without_names(std::string path) {
     path.erase(open + 1, path.find('}', open) - open - 1);
   }
   return path;
-}
-
-const json& resolve(const json& schema) {
-  if (!schema.contains("$ref")) return schema;
-  return document().at(json::json_pointer(schema.at("$ref").get<std::string>().substr(1)));
-}
-
-/// What this document uses of JSON Schema; empty: the value fits.
-std::string misfit(const json& value, const json& given, const std::string& place) {
-  const json& schema = resolve(given);
-  if (schema.contains("anyOf")) {
-    std::string all;
-    for (const json& option : schema.at("anyOf")) {
-      const std::string wrong = misfit(value, option, place);
-      if (wrong.empty()) return {};
-      all += wrong + "; ";
-    }
-    return all;
-  }
-  if (schema.contains("enum")) {
-    for (const json& option : schema.at("enum")) {
-      if (option == value) return {};
-    }
-    return place + " is none of the enumeration";
-  }
-  const std::string type = schema.value("type", "");
-  const bool fits = type == "object"    ? value.is_object()
-                    : type == "array"   ? value.is_array()
-                    : type == "string"  ? value.is_string()
-                    : type == "boolean" ? value.is_boolean()
-                    : type == "integer" ? value.is_number_integer()
-                    : type == "number"  ? value.is_number()
-                    : type == "null"    ? value.is_null()
-                                        : true;
-  if (!fits) return place + " is no " + type + ": " + value.dump();
-  if (value.is_array() && schema.contains("items")) {
-    for (const json& item : value) {
-      if (auto wrong = misfit(item, schema.at("items"), place + "[]"); !wrong.empty()) return wrong;
-    }
-  }
-  if (!value.is_object()) return {};
-  for (const json& name : schema.value("required", json::array())) {
-    if (!value.contains(name.get<std::string>())) return place + "." + name.get<std::string>() + " is missing";
-  }
-  for (const auto& [name, member] : value.items()) {
-    if (!schema.contains("properties") || !schema.at("properties").contains(name)) {
-      if (schema.value("additionalProperties", json(true)) == json(false)) return place + "." + name + " is not in the document";
-      continue;
-    }
-    if (auto wrong = misfit(member, schema.at("properties").at(name), place + "." + name); !wrong.empty()) return wrong;
-  }
-  return {};
 }
 
 TEST(OpenApi, HasEveryRouteAndNoOther) {
@@ -142,7 +91,7 @@ class OpenApiAnswers : public HttpTest {
     const json value = json::parse(reply.body, nullptr, false);
     ASSERT_FALSE(value.is_discarded()) << reply.body;
     if (!response.at("content").at(type).contains("schema")) return;
-    EXPECT_EQ(misfit(value, response.at("content").at(type).at("schema"), "answer"), "") << method << " " << path;
+    EXPECT_EQ(misfit(document(), value, response.at("content").at(type).at("schema"), "answer"), "") << method << " " << path;
   }
 };
 
@@ -170,6 +119,10 @@ TEST_F(OpenApiAnswers, FitTheirSchemas) {
   expect_fits("POST", "/v1/jobs/glass-2/extend", "/v1/jobs/{id}/extend", R"({"passes": 99})");
   expect_fits("GET", "/v1/jobs/glass-1/units", "/v1/jobs/{id}/units");
   expect_fits("GET", "/v1/jobs/glass-1/convergence", "/v1/jobs/{id}/convergence");
+  expect_fits("POST", "/v1/estimates", "/v1/estimates", R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})");
+  expect_fits("GET", "/v1/jobs/glass-1/estimate", "/v1/jobs/{id}/estimate");
+  service_.pilot = {.points = {{1, 0.5, 0.4}, {2, 0.5, 0.3}}};
+  expect_fits("GET", "/v1/jobs/glass-1/estimate?passes=100", "/v1/jobs/{id}/estimate");
   expect_fits("GET", "/v1/jobs/glass-1/image.exr", "/v1/jobs/{id}/image.exr");
   expect_fits("GET", "/v1/workers", "/v1/workers");
   expect_fits("POST", "/v1/tokens", "/v1/tokens", R"({"name": "ada", "role": "read"})");
@@ -182,15 +135,15 @@ TEST_F(OpenApiAnswers, FitTheirSchemas) {
 TEST(OpenApi, AWrongAnswerWouldBeFound) {
   json job = to_json(FakeJobService::running("glass-1"));
   const json schema = {{"$ref", "#/components/schemas/Job"}};
-  EXPECT_EQ(misfit(job, schema, "job"), "");
+  EXPECT_EQ(misfit(document(), job, schema, "job"), "");
   job["more"] = 1;
-  EXPECT_NE(misfit(job, schema, "job"), "");
+  EXPECT_NE(misfit(document(), job, schema, "job"), "");
   job.erase("more");
   job["state"] = "asleep";
-  EXPECT_NE(misfit(job, schema, "job"), "");
+  EXPECT_NE(misfit(document(), job, schema, "job"), "");
   job["state"] = "done";
   job.erase("rays");
-  EXPECT_NE(misfit(job, schema, "job"), "");
+  EXPECT_NE(misfit(document(), job, schema, "job"), "");
 }
 
 }  // namespace

@@ -41,6 +41,36 @@ TEST_F(VerbRoutes, CancelKeepsOrDiscards) {
   EXPECT_EQ(service_.acts[1], "cancel glass-2 by bootstrap");
 }
 
+TEST_F(VerbRoutes, APilotIsTheJobWithAnEarlyStopAndItsEstimateComesLater) {
+  const std::string body = R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})";
+  const RawReply taken = post("/v1/estimates?seconds=2.5", body);
+  ASSERT_EQ(taken.status, 201) << taken.body;
+  EXPECT_EQ(taken.headers.at("location"), "/v1/jobs/" + json::parse(taken.body)["id"].get<std::string>() + "/estimate");
+  EXPECT_EQ(post("/v1/estimates", body).status, 201);
+  ASSERT_EQ(service_.submissions.size(), 2U);
+  EXPECT_EQ(service_.submissions[0].pilot_seconds, 2.5);
+  EXPECT_EQ(service_.submissions[1].pilot_seconds, 10);
+  for (const char* seconds : {"0", "-1", "nan", "inf", "1e9", "0x5", "ten", "1e999"})
+    EXPECT_EQ(post(std::string("/v1/estimates?seconds=") + seconds, body).status, 400) << seconds;
+
+  const RawReply early = get("/v1/jobs/glass-1/estimate");
+  EXPECT_EQ(early.status, 409);
+  EXPECT_EQ(problem(early, "type"), "urn:photonfarm:problem:not-yet");
+  service_.pilot = {.points = {{1, 0.5, 0.4}, {2, 0.5, 0.3}, {4, 1.0, 0.2}}, .peak_bytes = 1000};
+  const json estimate = json::parse(get("/v1/jobs/glass-1/estimate?passes=100&error=0.1").body);
+  EXPECT_EQ(estimate["job"], "glass-1");
+  EXPECT_EQ(estimate["passes"], 100);
+  EXPECT_EQ(estimate["workers"], 2);
+  EXPECT_EQ(estimate["pilot"].size(), 3U);
+  for (const char* range : {"seconds", "memory_bytes", "estimated_error", "passes_to_error"}) {
+    EXPECT_LE(estimate[range]["low"], estimate[range]["likely"]) << range;
+    EXPECT_LE(estimate[range]["likely"], estimate[range]["high"]) << range;
+  }
+  EXPECT_TRUE(estimate["network_bytes"].is_null()) << "nothing is known of it";
+  for (const char* query : {"passes=0", "passes=1e13", "passes=x", "error=-1", "error=0", "error=nan"})
+    EXPECT_EQ(get(std::string("/v1/jobs/glass-1/estimate?") + query).status, 400) << query;
+}
+
 TEST_F(VerbRoutes, ExtendAndChangeTakeWhatTheyKnowAndNothingElse) {
   const json extended =
       json::parse(post("/v1/jobs/glass-1/extend", R"({"passes": 128, "seconds": 2.5, "error": 0.01})").body);
