@@ -206,7 +206,8 @@ Result<ServiceReply> ServiceClient::call(const ServiceCall& call) {
   while (true) {
     const bool was_away = away_;
     auto reply = try_call(call);
-    if (reply && reply->status != 503 && reply->status != 429) return reply;
+    const bool too_often = reply && reply->status == 429 && reply->headers.contains("retry-after");
+    if (reply && reply->status != 503 && !too_often) return reply;
     if (!reply && reply.error().kind != ErrorKind::kUnavailable) return reply;
     // A folder without a farm will not get one by waiting.
     if (!reply && url_.empty()) return reply;
@@ -240,7 +241,7 @@ Result<void> ServiceClient::check(const ServiceReply& reply) const {
   if (type == "invalid-spec") kind = ErrorKind::kInvalidSpec;
   if (type == "invalid-input") kind = ErrorKind::kInvalidInput;
   if (type == "too-large") kind = ErrorKind::kInvalidInput;
-  if (type == "not-found" || type == "forbidden") kind = ErrorKind::kUsage;
+  if (type == "not-found" || type == "forbidden" || type == "too-many-jobs") kind = ErrorKind::kUsage;
   if (type == "unavailable" || type == "too-many-requests") kind = ErrorKind::kUnavailable;
   return fail(kind, fmt::format("{} ({})", detail, url_));
 }

@@ -112,6 +112,9 @@ TEST_F(ClientCommands, ErrorsOfTheServiceKeepTheirExitCodes) {
   EXPECT_NE(err_.str().find(server_->url()), std::string::npos);
   service_.submit_error = Error{ErrorKind::kInvalidInput, "blobs are missing"};
   EXPECT_EQ(run({"submit", job_file()}), 3);
+  service_.submit_error = Error{ErrorKind::kUnavailable, "the token 'anna' has 2 jobs that have not ended"};
+  EXPECT_EQ(run({"submit", job_file()}), 2) << "at once: nobody knows when a job ends";
+  EXPECT_NE(err_.str().find("2 jobs that have not ended"), std::string::npos);
   service_.submit_error = Error{ErrorKind::kInternal, "the disk is full"};
   EXPECT_EQ(run({"submit", job_file()}), 5);
 }
