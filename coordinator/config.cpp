@@ -87,8 +87,9 @@ Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, co
   for (const spec::Member& table : std::get<Value::Table>(document.data)) {
     const auto* members = std::get_if<Value::Table>(&table.value.data);
     if (members == nullptr) {
-      return fail(ErrorKind::kUsage, fmt::format("{}: '{}' stands in no table; expected [http], [limits], [notify] or [keep]",
-                                                 spec::location(file, table.place), table.key));
+      return fail(ErrorKind::kUsage,
+                  fmt::format("{}: '{}' stands in no table; expected [http], [limits], [notify] or [keep]",
+                              spec::location(file, table.place), table.key));
     }
     for (const spec::Member& member : *members) {
       const std::string name = fmt::format("{}.{}", table.key, member.key);

@@ -12,11 +12,14 @@
 namespace pf {
 namespace {
 
-/// A unit should trace about this long [s]: short enough to share out a round evenly, long against a fetch (1 ms).
+/// A unit should trace about this long [s]: short enough to share out a round evenly, long against a fetch (1
+/// ms).
 constexpr double kUnitSeconds = 0.25;
-/// The same of a job with a bound on its workers: these cannot gather units before they send, for the next one could be another's.
+/// The same of a job with a bound on its workers: these cannot gather units before they send, for the next
+/// one could be another's.
 constexpr double kBoundedUnitSeconds = 4.0;
-/// A unit in the queue that no worker has, while workers idle: after this many AckWaits the engine has lost it.
+/// A unit in the queue that no worker has, while workers idle: after this many AckWaits the engine has lost
+/// it.
 constexpr double kLostAckWaits = 3.0;
 constexpr double kDiskRetrySeconds = 2.0;
 /// Deaths of workers that trace a unit, per permitted failure: a worker may die for reasons of its own.
@@ -25,7 +28,11 @@ constexpr std::uint32_t kDeathsPerFailure = 4;
 }  // namespace
 
 FarmJob::FarmJob(JobRecord record, std::filesystem::path folder, const JobSurroundings& around)
-    : record_(std::move(record)), spec_hash_(image_hash_of_spec(record_.spec)), folder_(std::move(folder)), around_(around), frozen_limit_(kNoEnd) {}
+    : record_(std::move(record)),
+      spec_hash_(image_hash_of_spec(record_.spec)),
+      folder_(std::move(folder)),
+      around_(around),
+      frozen_limit_(kNoEnd) {}
 
 void FarmJob::log(std::string_view level, std::string_view source, std::string_view text) const {
   around_.log(record_.id, level, source, text);
@@ -77,7 +84,8 @@ std::uint64_t FarmJob::unit_size(std::size_t workers) const {
   // Two units a worker and round at least, so that the last ones end together.
   const std::uint64_t fair = std::max<std::uint64_t>(1, left / (2 * std::max<std::size_t>(workers, 1)));
   if (sub_pass_seconds_ <= 0) return 1;
-  const double wanted = std::clamp(std::floor((bounded ? kBoundedUnitSeconds : kUnitSeconds) / sub_pass_seconds_), 1.0, 1e6);
+  const double wanted =
+      std::clamp(std::floor((bounded ? kBoundedUnitSeconds : kUnitSeconds) / sub_pass_seconds_), 1.0, 1e6);
   return std::min(fair, static_cast<std::uint64_t>(wanted));
 }
 
@@ -94,7 +102,8 @@ wire::Task FarmJob::make_task(wire::Task::Kind kind, const UnitLedger::Out& unit
   task.mutable_bundle()->set_sha256(sha256_bytes(record_.bundle.sha256));
   task.mutable_bundle()->set_bytes(record_.bundle.bytes);
   task.set_timeout_seconds(record_.spec.faults.unit_timeout_seconds);
-  task.set_width(static_cast<std::uint32_t>(record_.spec.image.width * (film_ ? film_->options().hit_points : 1)));
+  task.set_width(
+      static_cast<std::uint32_t>(record_.spec.image.width * (film_ ? film_->options().hit_points : 1)));
   task.set_height(static_cast<std::uint32_t>(record_.spec.image.height));
   if (kind == wire::Task::SUB_PASSES) {
     // Without shared radii units of several rounds are out at once, and may be merged.
@@ -142,7 +151,8 @@ std::size_t FarmJob::queued() const {
 }
 
 double FarmJob::cost(const wire::Task& task) const {
-  const double passes = task.kind() == wire::Task::PREPARE ? 1.0 : static_cast<double>(task.unit().sub_passes());
+  const double passes =
+      task.kind() == wire::Task::PREPARE ? 1.0 : static_cast<double>(task.unit().sub_passes());
   return passes * (sub_pass_seconds_ > 0 ? sub_pass_seconds_ : kUnitSeconds);
 }
 
@@ -165,7 +175,8 @@ void FarmJob::on_held(const std::string& worker, const std::vector<UnitRange>& h
   }
   std::vector<std::uint64_t> let_go;
   for (const auto& [first, unit] : ledger_.out()) {
-    if (unit.holder == worker && std::find(held.begin(), held.end(), unit.range) == held.end()) let_go.push_back(first);
+    if (unit.holder == worker && std::find(held.begin(), held.end(), unit.range) == held.end())
+      let_go.push_back(first);
   }
   for (const std::uint64_t first : let_go) {
     ledger_.find(first)->holder.clear();
@@ -177,7 +188,8 @@ void FarmJob::repeat_unit(UnitLedger::Out& unit, std::string_view why) {
   ++units_repeated_;
   ++around_.metrics.retries;
   log("info", "coordinator",
-      fmt::format("sub-passes {} to {} go out again (attempt {}): {}", unit.range.first, unit.range.end(), unit.attempt + 1, why));
+      fmt::format("sub-passes {} to {} go out again (attempt {}): {}", unit.range.first, unit.range.end(),
+                  unit.attempt + 1, why));
   ledger_.reissue(unit.range.first, around_.clock.now());
   repeat_.push_back(unit.range.first);
 }
@@ -193,13 +205,15 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
   const double lost_after = kLostAckWaits * around_.ack_wait_seconds;
   const double timeout = record_.spec.faults.unit_timeout_seconds;
   const auto judge = [&](const UnitLedger::Out& unit) -> std::string_view {
-    if (unit.holder.empty()) return now - unit.since > lost_after && idle_since(now - around_.ack_wait_seconds) ? "lost" : "";
+    if (unit.holder.empty())
+      return now - unit.since > lost_after && idle_since(now - around_.ack_wait_seconds) ? "lost" : "";
     return now - unit.since > timeout ? "timeout" : "";
   };
   if (preparing_ && !repeat_preparing_ && !judge(*preparing_).empty()) repeat_prepare();
   std::vector<std::pair<std::uint64_t, std::string_view>> due;
   for (const auto& [first, unit] : ledger_.out()) {
-    if (const auto why = judge(unit); !why.empty() && std::find(repeat_.begin(), repeat_.end(), first) == repeat_.end()) {
+    if (const auto why = judge(unit);
+        !why.empty() && std::find(repeat_.begin(), repeat_.end(), first) == repeat_.end()) {
       due.emplace_back(first, why);
     }
   }
@@ -207,8 +221,8 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
     UnitLedger::Out& unit = *ledger_.find(first);
     if (why == "timeout" && ++unit.failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
       return end_failed(
-                    fmt::format("sub-pass {} was not done within {} s in {} attempts; see faults.unit_timeout_seconds", first,
-                                timeout, unit.failures));
+          fmt::format("sub-pass {} was not done within {} s in {} attempts; see faults.unit_timeout_seconds",
+                      first, timeout, unit.failures));
     }
     repeat_unit(unit, why == "timeout" ? fmt::format("{} has had it for more than {} s", unit.holder, timeout)
                                        : std::string("it left the queue and no worker has it"));
@@ -224,7 +238,7 @@ void FarmJob::on_failed(const std::string& worker, const wire::TaskFailed& faile
   if (unit == nullptr || unit->attempt != failed.unit().attempt()) return;
   if (++unit->failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
     return end_failed(
-                  fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
+        fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
   }
   if (failed.kind() == wire::Task::PREPARE) {
     repeat_prepare();
@@ -292,7 +306,8 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
     save_record();
   }
   if (ended()) return;
-  if (record_.state == JobState::kPaused && film_ && film_->sub_passes() != checkpointed_passes_ && now >= next_try_) {
+  if (record_.state == JobState::kPaused && film_ && film_->sub_passes() != checkpointed_passes_ &&
+      now >= next_try_) {
     next_try_ = now + kDiskRetrySeconds;
     static_cast<void>(save_checkpoint());  // the disk was full when it was paused
   }
@@ -306,14 +321,16 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
     go_on_after_waiting(now);
   }
   if (record_.state == JobState::kFinishing) return go_on_finishing();
-  if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning) look_after_units(now, idle_since);
+  if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning)
+    look_after_units(now, idle_since);
   if (record_.state != JobState::kRunning) return;
   if (record_.spec.stop.seconds > 0 && ledger_.done_below() > 0 && seconds() >= record_.spec.stop.seconds) {
     frozen_limit_ = std::min(frozen_limit_, ledger_.issued_below());
   }
   const std::uint64_t end = std::min(frozen_limit_, wanted_sub_passes());
   if (ledger_.done_below() >= end && ledger_.out().empty()) return finish(JobEvent::kFinish, "");
-  if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_) return;
+  if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_)
+    return;
   if (auto saved = save_checkpoint(); !saved) wait_for_disk(saved.error());
 }
 

@@ -16,23 +16,30 @@
 namespace pf {
 namespace {
 
-std::filesystem::path checkpoint_in(const std::filesystem::path& folder) { return folder / "film.checkpoint"; }
+std::filesystem::path checkpoint_in(const std::filesystem::path& folder) {
+  return folder / "film.checkpoint";
+}
 
 }  // namespace
 
-Result<std::unique_ptr<FarmJob>> FarmJob::create(JobRecord record, std::span<const BlobId> blobs, std::filesystem::path folder,
+Result<std::unique_ptr<FarmJob>> FarmJob::create(JobRecord record, std::span<const BlobId> blobs,
+                                                 std::filesystem::path folder,
                                                  const JobSurroundings& around) {
   std::unique_ptr<FarmJob> job(new FarmJob(std::move(record), std::move(folder), around));
   job->record_.submitted_unix_ms = around.unix_ms();
-  if (auto inserted = around.store.insert(job->record_, blobs); !inserted) return tl::unexpected(inserted.error());
+  if (auto inserted = around.store.insert(job->record_, blobs); !inserted)
+    return tl::unexpected(inserted.error());
   return job;
 }
 
-std::unique_ptr<FarmJob> FarmJob::restore(JobRecord record, std::filesystem::path folder, const JobSurroundings& around) {
+std::unique_ptr<FarmJob> FarmJob::restore(JobRecord record, std::filesystem::path folder,
+                                          const JobSurroundings& around) {
   std::unique_ptr<FarmJob> job(new FarmJob(std::move(record), std::move(folder), around));
   if (job->ended()) return job;
-  const bool was_cancelled = job->record_.state == JobState::kFinishing && job->record_.end_state == JobState::kCancelled;
-  if (job->record_.state != JobState::kQueued && job->record_.state != JobState::kPaused) job->apply(JobEvent::kRestart, "");
+  const bool was_cancelled =
+      job->record_.state == JobState::kFinishing && job->record_.end_state == JobState::kCancelled;
+  if (job->record_.state != JobState::kQueued && job->record_.state != JobState::kPaused)
+    job->apply(JobEvent::kRestart, "");
   const auto loaded = job->load_checkpoint();
   if (job->record_.state == JobState::kPaused) {
     if (!loaded) job->log("error", "coordinator", loaded.error().message);
@@ -100,7 +107,8 @@ Result<void> FarmJob::save_checkpoint() {
   // First the database: a result that it holds and the film does not is taken off it by its number.
   if (auto stored = around_.store.checkpoint(record_, results_, points_); !stored) return stored;
   results_.clear();
-  auto saved = film_->save(checkpoint_in(folder_), checkpoint_identity(record_, around_.build_id), note.to_json());
+  auto saved =
+      film_->save(checkpoint_in(folder_), checkpoint_identity(record_, around_.build_id), note.to_json());
   if (!saved) return saved;
   last_checkpoint_ = around_.clock.now();
   checkpointed_passes_ = film_->sub_passes();
@@ -140,14 +148,15 @@ Result<void> FarmJob::write_result() {
   result.render_seconds = seconds();
   const JobSpec& spec = record_.spec;
   const auto manifest = around_.blobs.read(record_.bundle, 0, kMaxBundleBytes);
-  const ResultLabels labels{.name = spec.job.name,
-                            .exposure = static_cast<float>(spec.image.exposure),
-                            .spec_hash = spec_hash_,
-                            .scene_hash = record_.scene_hash,
-                            .plan = record_.plan,
-                            .spec_json = canonical_json(spec),
-                            .files = file_list_json(manifest ? files_of_bundle(*manifest).value_or(FileList()) : FileList()),
-                            .seed = spec.integrator.seed};
+  const ResultLabels labels{
+      .name = spec.job.name,
+      .exposure = static_cast<float>(spec.image.exposure),
+      .spec_hash = spec_hash_,
+      .scene_hash = record_.scene_hash,
+      .plan = record_.plan,
+      .spec_json = canonical_json(spec),
+      .files = file_list_json(manifest ? files_of_bundle(*manifest).value_or(FileList()) : FileList()),
+      .seed = spec.integrator.seed};
   if (auto done = write_images(*film_, labels, folder_, result); !done) return done;
   result.write_seconds = around_.clock.now() - start;
   result.peak_bytes = peak_resident_bytes();
@@ -157,7 +166,8 @@ Result<void> FarmJob::write_result() {
   // A job that is extended is warned of the same again.
   record_.warnings.clear();
   for (const std::string& warning : result.warnings) {
-    if (std::find(record_.warnings.begin(), record_.warnings.end(), warning) == record_.warnings.end()) record_.warnings.push_back(warning);
+    if (std::find(record_.warnings.begin(), record_.warnings.end(), warning) == record_.warnings.end())
+      record_.warnings.push_back(warning);
   }
   return save_checkpoint();
 }

@@ -1,4 +1,5 @@
-// What befalls a job as a whole: each change of its state by the table of job_state.h, and what belongs to it.
+// What befalls a job as a whole: each change of its state by the table of job_state.h, and what belongs to
+// it.
 
 #include <cmath>
 #include <limits>
@@ -24,7 +25,8 @@ std::string by_whom(JobEvent event, const std::string& by) {
 
 void FarmJob::apply(JobEvent event, const std::string& message, const std::string& by) {
   const JobStep step = job_step(record_.state, event);
-  if (step.kind == JobStep::Kind::kRefused) return log("error", "coordinator", "a bug: " + why_refused(record_.state, event));
+  if (step.kind == JobStep::Kind::kRefused)
+    return log("error", "coordinator", "a bug: " + why_refused(record_.state, event));
   const JobState from = record_.state;
   if (step.kind == JobStep::Kind::kMoves) record_.state = step.to;
   transitions_.push_back({around_.unix_ms(), event, from, record_.state, by});
@@ -37,7 +39,8 @@ void FarmJob::save_record() {
   const auto saved = around_.store.save(record_, transitions_);
   if (saved) transitions_.clear();
   // A job that waits for the disk has said why already.
-  if (!saved && !unsaved_record_ && record_.state != JobState::kWaiting) log("error", "coordinator", saved.error().message);
+  if (!saved && !unsaved_record_ && record_.state != JobState::kWaiting)
+    log("error", "coordinator", saved.error().message);
   unsaved_record_ = !saved;
 }
 
@@ -49,7 +52,8 @@ Result<void> FarmJob::act(JobEvent verb, const std::string& by) {
       if (step.kind == JobStep::Kind::kMoves) pause(by);
       return {};
     case JobEvent::kRetry:
-      if (record_.bundle.bytes == 0) return conflict(record_.id, "its scene is not kept any more; submit it again");
+      if (record_.bundle.bytes == 0)
+        return conflict(record_.id, "its scene is not kept any more; submit it again");
       begin_again(verb, by);
       return {};
     case JobEvent::kResume:
@@ -114,14 +118,16 @@ Result<void> FarmJob::extend(const StopChange& change, const std::string& by) {
   if (job_step(record_.state, JobEvent::kExtend).kind == JobStep::Kind::kRefused) {
     return conflict(record_.id, why_refused(record_.state, JobEvent::kExtend));
   }
-  if (record_.bundle.bytes == 0) return conflict(record_.id, "its scene is not kept any more; submit it again");
+  if (record_.bundle.bytes == 0)
+    return conflict(record_.id, "its scene is not kept any more; submit it again");
   JobSpec spec = record_.spec;
   if (change.passes) {
     const std::int64_t before = spec.stop.passes;
     const auto passes = static_cast<std::int64_t>(view().passes_done);
     if (*change.passes != 0 && (before != 0 ? *change.passes <= before : *change.passes <= passes)) {
-      return fail(ErrorKind::kInvalidInput, fmt::format("passes: {} given; expected more than {}, or 0 for no bound", *change.passes,
-                                                        before != 0 ? before : passes));
+      return fail(ErrorKind::kInvalidInput,
+                  fmt::format("passes: {} given; expected more than {}, or 0 for no bound", *change.passes,
+                              before != 0 ? before : passes));
     }
     spec.stop.passes = *change.passes;
   }
@@ -151,10 +157,12 @@ Result<void> FarmJob::extend(const StopChange& change, const std::string& by) {
 Result<void> FarmJob::change(const JobChange& change, const std::string& by) {
   constexpr int kMaxPriority = 100;
   if (change.priority && (*change.priority < 0 || *change.priority > kMaxPriority)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("priority: {} given; expected 0 to {}", *change.priority, kMaxPriority));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("priority: {} given; expected 0 to {}", *change.priority, kMaxPriority));
   }
   if (change.max_workers && (*change.max_workers < 0 || *change.max_workers > kMaxWorkers)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("max_workers: {} given; expected 0 (no bound) to {}", *change.max_workers, kMaxWorkers));
+    return fail(ErrorKind::kInvalidInput, fmt::format("max_workers: {} given; expected 0 (no bound) to {}",
+                                                      *change.max_workers, kMaxWorkers));
   }
   if (change.priority) record_.spec.job.priority = *change.priority;
   if (change.max_workers) record_.max_workers = *change.max_workers;
@@ -208,7 +216,8 @@ void FarmJob::end(JobEvent event, const std::string& message) {
   record_.ended_unix_ms = around_.unix_ms();
   apply(event, message);
   log(event == JobEvent::kFail ? "error" : "info", "coordinator",
-      fmt::format("{}{}{}", to_string(record_.state), message.empty() || message == to_string(record_.state) ? "" : ": ",
+      fmt::format("{}{}{}", to_string(record_.state),
+                  message.empty() || message == to_string(record_.state) ? "" : ": ",
                   message == to_string(record_.state) ? "" : message));
   drop_state();
 }

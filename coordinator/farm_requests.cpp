@@ -47,8 +47,11 @@ Result<void> Farm::room_for_job(const std::string& token) const {
     return !entry.second.job->ended() && entry.second.job->record().submitted_by == token;
   });
   if (static_cast<std::uint64_t>(its) < options_.jobs_per_token) return {};
-  return fail(ErrorKind::kUnavailable, fmt::format("the token '{}' has {} jobs that have not ended; expected at most {}: wait for one, or cancel one",
-                                                   token, its, options_.jobs_per_token));
+  return fail(
+      ErrorKind::kUnavailable,
+      fmt::format(
+          "the token '{}' has {} jobs that have not ended; expected at most {}: wait for one, or cancel one",
+          token, its, options_.jobs_per_token));
 }
 
 Result<Validation> Farm::validate(const Submission& submission) const {
@@ -56,16 +59,22 @@ Result<Validation> Farm::validate(const Submission& submission) const {
   if (!spec) return tl::unexpected(spec.error());
   Validation validation;
   for (const auto& [path, blob] : submission.files) {
-    if (!blobs_.has(blob)) validation.warnings.push_back(fmt::format("{}: its content {} is not here; upload it before you submit", path, blob.sha256));
+    if (!blobs_.has(blob))
+      validation.warnings.push_back(
+          fmt::format("{}: its content {} is not here; upload it before you submit", path, blob.sha256));
   }
   const auto given = [&](const std::string& path) {
-    return std::any_of(submission.files.begin(), submission.files.end(), [&](const auto& file) { return file.first == path; });
+    return std::any_of(submission.files.begin(), submission.files.end(),
+                       [&](const auto& file) { return file.first == path; });
   };
   for (const std::string& path : {spec->scene.file, spec->scene.environment}) {
-    if (!path.empty() && !given(path)) validation.warnings.push_back(fmt::format("{}: it is not among the files; a submission needs it", path));
+    if (!path.empty() && !given(path))
+      validation.warnings.push_back(
+          fmt::format("{}: it is not among the files; a submission needs it", path));
   }
   if (!submission.files.empty()) {
-    if (auto manifest = make_bundle(*spec, submission.files); !manifest) return tl::unexpected(manifest.error());
+    if (auto manifest = make_bundle(*spec, submission.files); !manifest)
+      return tl::unexpected(manifest.error());
   }
   validation.spec_json = canonical_json(*spec);
   return validation;
@@ -85,7 +94,8 @@ Result<JobView> Farm::submit(const Submission& submission) {
   if (submission.pilot_seconds > 0 && (seconds <= 0 || seconds > submission.pilot_seconds)) seconds = submission.pilot_seconds;
   for (const auto& [path, blob] : submission.files) {
     if (!blobs_.has(blob)) {
-      return fail(ErrorKind::kInvalidInput, fmt::format("{}: its content {} is not here; upload it first", path, blob.sha256));
+      return fail(ErrorKind::kInvalidInput,
+                  fmt::format("{}: its content {} is not here; upload it first", path, blob.sha256));
     }
   }
   auto manifest = make_bundle(*spec, submission.files);
@@ -105,7 +115,8 @@ Result<JobView> Farm::submit(const Submission& submission) {
   const auto folder = options_.state / "jobs" / id;
   std::error_code code;
   std::filesystem::create_directories(folder, code);
-  if (code) return fail(ErrorKind::kInternal, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
+  if (code)
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
   std::vector<BlobId> blobs{*bundle};
   for (const auto& [path, blob] : submission.files) blobs.push_back(blob);
   auto job = FarmJob::create(std::move(record), blobs, folder, surroundings());
@@ -122,7 +133,9 @@ Result<JobView> Farm::submit(const Submission& submission) {
 }
 
 Result<JobList> Farm::list(const JobFilter& filter) const {
-  const auto order = [](const FarmJob& job) { return std::pair(job.record().submitted_unix_ms, std::string_view(job.id())); };
+  const auto order = [](const FarmJob& job) {
+    return std::pair(job.record().submitted_unix_ms, std::string_view(job.id()));
+  };
   const FarmJob* before = nullptr;
   if (!filter.before.empty()) {
     before = find(filter.before);
@@ -136,7 +149,8 @@ Result<JobList> Farm::list(const JobFilter& filter) const {
     if (before != nullptr && order(*entry.job) >= order(*before)) continue;
     found.push_back(entry.job.get());
   }
-  std::sort(found.begin(), found.end(), [&](const FarmJob* a, const FarmJob* b) { return order(*a) < order(*b); });
+  std::sort(found.begin(), found.end(),
+            [&](const FarmJob* a, const FarmJob* b) { return order(*a) < order(*b); });
   JobList list;
   const std::size_t skipped = found.size() - std::min(found.size(), filter.limit);
   if (skipped > 0 && skipped < found.size()) list.before = found[skipped]->id();
@@ -200,14 +214,17 @@ Result<void> Farm::remove(const std::string& id, const std::string& by) {
   FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
   if (job_step(job->record().state, JobEvent::kDelete).kind != JobStep::Kind::kGone) {
-    return fail(ErrorKind::kUnavailable, fmt::format("{}: {}", id, why_refused(job->record().state, JobEvent::kDelete)));
+    return fail(ErrorKind::kUnavailable,
+                fmt::format("{}: {}", id, why_refused(job->record().state, JobEvent::kDelete)));
   }
-  // What is not removed after the record is an orphan, which the doctor finds; a record without its files would be worse.
+  // What is not removed after the record is an orphan, which the doctor finds; a record without its files
+  // would be worse.
   free_blobs(job->record().number);
   if (auto removed = store_->remove(job->record().number); !removed) return removed;
   std::error_code code;
   std::filesystem::remove_all(job->folder(), code);
-  if (code) log_.error("folder cannot be removed", {{"folder", job->folder().string()}, {"why", code.message()}});
+  if (code)
+    log_.error("folder cannot be removed", {{"folder", job->folder().string()}, {"why", code.message()}});
   jobs_.erase(id);
   log_.info("job deleted", {{"id", id}, {"by", by}});
   ++version_;
@@ -222,7 +239,8 @@ void Farm::free_blobs(std::uint64_t job) {
 }
 
 Result<WorkerView> Farm::steer(const std::string& worker, WorkerVerb verb, const std::string& by) {
-  if (!registry_.steer(worker, verb, by)) return fail(ErrorKind::kUsage, fmt::format("no worker is called \"{}\"; see photonfarm workers", worker));
+  if (!registry_.steer(worker, verb, by))
+    return fail(ErrorKind::kUsage, fmt::format("no worker is called \"{}\"; see photonfarm workers", worker));
   if (auto saved = store_->save_worker({worker, by, verb}); !saved) return tl::unexpected(saved.error());
   log_.info("worker steered", {{"worker", worker}, {"to", std::string(to_string(verb))}, {"by", by}});
   if (verb == WorkerVerb::kDisable) {
@@ -265,10 +283,12 @@ Result<std::filesystem::path> Farm::artifact(const std::string& id, Artifact kin
     const auto& expired = job->record().expired;
     const std::string_view what = kind == Artifact::kCheckpoint ? "checkpoint" : "results";
     if (std::find(expired.begin(), expired.end(), what) != expired.end()) {
-      return fail(ErrorKind::kUnavailable, fmt::format("{}: its {} expired, by the farm's policy of retention", id, what));
+      return fail(ErrorKind::kUnavailable,
+                  fmt::format("{}: its {} expired, by the farm's policy of retention", id, what));
     }
     return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: there is no {} yet; the job is {}", id, file.filename().string(), to_string(job->record().state)));
+                fmt::format("{}: there is no {} yet; the job is {}", id, file.filename().string(),
+                            to_string(job->record().state)));
   }
   return file;
 }
@@ -277,7 +297,8 @@ Result<const Film*> Farm::film_of(const std::string& id) const {
   const FarmJob* job = find(id);
   if (job == nullptr) return unknown_job(id);
   if (job->film() == nullptr || job->film()->sub_passes() == 0) {
-    return fail(ErrorKind::kUnavailable, fmt::format("{}: there is no image yet; the job is {}", id, to_string(job->record().state)));
+    return fail(ErrorKind::kUnavailable,
+                fmt::format("{}: there is no image yet; the job is {}", id, to_string(job->record().state)));
   }
   return job->film();
 }
@@ -307,7 +328,8 @@ Result<std::string> Farm::preview_png(const std::string& id) const {
   const auto film = film_of(id);
   if (!film) return tl::unexpected(film.error());
   const auto file = job->folder() / "preview.png";
-  auto written = write_png(file, (*film)->image_rows(), static_cast<float>(job->record().spec.image.exposure));
+  auto written =
+      write_png(file, (*film)->image_rows(), static_cast<float>(job->record().spec.image.exposure));
   if (!written) return tl::unexpected(written.error());
   return read_file(file, std::uint64_t{1} << 31, ErrorKind::kInternal);
 }

@@ -8,10 +8,11 @@
 namespace pf {
 namespace {
 
-constexpr std::array kStates{JobState::kQueued,  JobState::kPreparing, JobState::kRunning, JobState::kWaiting, JobState::kFinishing,
-                             JobState::kPaused,  JobState::kDone,      JobState::kFailed,  JobState::kCancelled};
-constexpr std::array<std::string_view, kStates.size()> kStateNames{"queued", "preparing", "running", "waiting",  "finishing",
-                                                                   "paused", "done",      "failed",  "cancelled"};
+constexpr std::array kStates{JobState::kQueued,  JobState::kPreparing, JobState::kRunning,
+                             JobState::kWaiting, JobState::kFinishing, JobState::kPaused,
+                             JobState::kDone,    JobState::kFailed,    JobState::kCancelled};
+constexpr std::array<std::string_view, kStates.size()> kStateNames{
+    "queued", "preparing", "running", "waiting", "finishing", "paused", "done", "failed", "cancelled"};
 
 constexpr JobStep kNo{};
 constexpr JobStep kStay{JobStep::Kind::kStays, {}};
@@ -114,11 +115,14 @@ std::string why_refused(JobState state, JobEvent event) {
   } else if (event == JobEvent::kExtend) {
     hint = "retry it first";
   } else if (event == JobEvent::kRetry) {
-    hint = state == JobState::kDone ? "extend it to have it go on" : "only a failed or cancelled job can be retried";
+    hint = state == JobState::kDone ? "extend it to have it go on"
+                                    : "only a failed or cancelled job can be retried";
   } else if (has_ended(state)) {
-    hint = state == JobState::kDone ? "it has ended; extend it to have it go on" : "it has ended; retry it to have it go on";
+    hint = state == JobState::kDone ? "it has ended; extend it to have it go on"
+                                    : "it has ended; retry it to have it go on";
   }
-  return fmt::format("a job that is {} cannot take: {}{}{}", to_string(state), to_string(event), hint.empty() ? "" : "; ", hint);
+  return fmt::format("a job that is {} cannot take: {}{}{}", to_string(state), to_string(event),
+                     hint.empty() ? "" : "; ", hint);
 }
 
 }  // namespace pf

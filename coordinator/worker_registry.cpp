@@ -32,7 +32,8 @@ const char* name_of(wire::Heartbeat::Activity activity) {
 WorkerRegistry::Worker& WorkerRegistry::heard(const std::string& name, std::uint64_t incarnation,
                                               const wire::Heartbeat& heartbeat, double now) {
   Worker& worker = workers_[name];
-  const bool was_idle = worker.incarnation == incarnation && worker.heartbeat.activity() == wire::Heartbeat::IDLE;
+  const bool was_idle =
+      worker.incarnation == incarnation && worker.heartbeat.activity() == wire::Heartbeat::IDLE;
   if (!was_idle) worker.idle_since = now;
   worker.incarnation = incarnation;
   worker.heartbeat = heartbeat;
@@ -102,8 +103,8 @@ bool WorkerRegistry::works(const Worker& worker, double now) const {
 }
 
 std::size_t WorkerRegistry::live(double now) const {
-  return static_cast<std::size_t>(
-      std::count_if(workers_.begin(), workers_.end(), [&](const auto& entry) { return works(entry.second, now); }));
+  return static_cast<std::size_t>(std::count_if(workers_.begin(), workers_.end(),
+                                                [&](const auto& entry) { return works(entry.second, now); }));
 }
 
 bool WorkerRegistry::any_idle_since(double since, double now) const {
@@ -126,14 +127,15 @@ WorkerView WorkerRegistry::view(const std::string& name, double now) const {
   view.host = w.heartbeat.host();
   view.process = w.heartbeat.process();
   const bool has_work = w.heartbeat.held_size() > 0;
-  view.state = !w.quarantined.empty()                        ? "quarantined"
-               : now - w.heard >= silence_                   ? "lost"
-               : w.steered == WorkerVerb::kDisable           ? "disabled"
-               : w.steered && has_work                       ? "draining"
-               : w.steered                                   ? "drained"
-                                                             : name_of(w.heartbeat.activity());
+  view.state = !w.quarantined.empty()              ? "quarantined"
+               : now - w.heard >= silence_         ? "lost"
+               : w.steered == WorkerVerb::kDisable ? "disabled"
+               : w.steered && has_work             ? "draining"
+               : w.steered                         ? "drained"
+                                                   : name_of(w.heartbeat.activity());
   view.message = w.quarantined;
-  if (view.message.empty() && w.steered) view.message = std::string(to_string(*w.steered)) + (w.steered_by.empty() ? "" : ", by " + w.steered_by);
+  if (view.message.empty() && w.steered)
+    view.message = std::string(to_string(*w.steered)) + (w.steered_by.empty() ? "" : ", by " + w.steered_by);
   view.job_id = w.heartbeat.job_id();
   view.units_held = w.heartbeat.held_size();
   view.rays = w.heartbeat.rays();

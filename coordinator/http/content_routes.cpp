@@ -101,7 +101,8 @@ HttpReply HttpRoutes::head_blob(const HttpRequest&, const Captures& captures) {
   const std::uint64_t bytes = std::filesystem::file_size(store_.path_of({captures[0], 0}), error);
   if (error || !store_.has({captures[0], bytes})) return problem(404, "not-found", "no such blob");
   // Asked for, it is needed soon: it must not be swept away as a stray one before its job is submitted.
-  std::filesystem::last_write_time(store_.path_of({captures[0], bytes}), std::filesystem::file_time_type::clock::now(), error);
+  std::filesystem::last_write_time(store_.path_of({captures[0], bytes}),
+                                   std::filesystem::file_time_type::clock::now(), error);
   return empty_reply(200);
 }
 

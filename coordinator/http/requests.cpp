@@ -78,7 +78,8 @@ Result<std::pair<std::string, BlobId>> parse_file(const json& file, std::size_t 
 Result<json> parse_object(const std::string& body, std::string_view expected) {
   json document = json::parse(body, nullptr, false);
   // The library takes a NUL for the end of its input.
-  if (document.is_discarded() || body.find('\0') != std::string::npos) return bad(fmt::format("not valid JSON; expected {}", expected));
+  if (document.is_discarded() || body.find('\0') != std::string::npos)
+    return bad(fmt::format("not valid JSON; expected {}", expected));
   if (!document.is_object()) return bad(fmt::format("not a JSON object; expected {}", expected));
   return document;
 }
@@ -106,7 +107,8 @@ std::optional<std::string_view> take_count(const json& value, std::optional<std:
 }
 
 std::optional<std::string_view> take_number(const json& value, std::optional<double>& to) {
-  if (!value.is_number() || !std::isfinite(value.get<double>()) || value.get<double>() < 0) return "a number from 0";
+  if (!value.is_number() || !std::isfinite(value.get<double>()) || value.get<double>() < 0)
+    return "a number from 0";
   to = value.get<double>();
   return std::nullopt;
 }
@@ -151,25 +153,27 @@ Result<Submission> parse_submission(std::string body, FilesMember files) {
 
 Result<bool> parse_cancel(const std::string& body) {
   bool discard = false;
-  const auto taken = take_members(body, R"({"discard": true or false})", [&](const std::string& key, const json& value) {
-    if (key != "discard") return std::optional<std::string_view>("");
-    if (!value.is_boolean()) return std::optional<std::string_view>("true or false");
-    discard = value.get<bool>();
-    return std::optional<std::string_view>();
-  });
+  const auto taken =
+      take_members(body, R"({"discard": true or false})", [&](const std::string& key, const json& value) {
+        if (key != "discard") return std::optional<std::string_view>("");
+        if (!value.is_boolean()) return std::optional<std::string_view>("true or false");
+        discard = value.get<bool>();
+        return std::optional<std::string_view>();
+      });
   if (!taken) return tl::unexpected(taken.error());
   return discard;
 }
 
 Result<StopChange> parse_stops(const std::string& body) {
   StopChange stops;
-  const auto taken = take_members(body, R"({"passes": N, "seconds": S, "error": E}, at least one of them)",
-                                  [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
-                                    if (key == "passes") return take_count(value, stops.passes);
-                                    if (key == "seconds") return take_number(value, stops.seconds);
-                                    if (key == "error") return take_number(value, stops.error);
-                                    return "";
-                                  });
+  const auto taken =
+      take_members(body, R"({"passes": N, "seconds": S, "error": E}, at least one of them)",
+                   [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
+                     if (key == "passes") return take_count(value, stops.passes);
+                     if (key == "seconds") return take_number(value, stops.seconds);
+                     if (key == "error") return take_number(value, stops.error);
+                     return "";
+                   });
   if (!taken) return tl::unexpected(taken.error());
   return stops;
 }
@@ -183,12 +187,13 @@ Result<JobChange> parse_change(const std::string& body) {
     if (!wrong) to = static_cast<int>(std::min(*number, kMost));
     return wrong;
   };
-  const auto taken = take_members(body, R"({"priority": 0..100, "max_workers": N}, at least one of them)",
-                                  [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
-                                    if (key == "priority") return whole(value, change.priority);
-                                    if (key == "max_workers") return whole(value, change.max_workers);
-                                    return "";
-                                  });
+  const auto taken =
+      take_members(body, R"({"priority": 0..100, "max_workers": N}, at least one of them)",
+                   [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
+                     if (key == "priority") return whole(value, change.priority);
+                     if (key == "max_workers") return whole(value, change.max_workers);
+                     return "";
+                   });
   if (!taken) return tl::unexpected(taken.error());
   return change;
 }

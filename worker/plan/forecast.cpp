@@ -7,11 +7,11 @@
 namespace pf {
 namespace {
 
-/// Work of a photon's ray with storing and sorting, and of a gather, in eye rays: 0.7, 1.1 and 1.0 us were measured on the
-/// example scenes.
+/// Work of a photon's ray with storing and sorting, and of a gather, in eye rays: 0.7, 1.1 and 1.0 us were
+/// measured on the example scenes.
 constexpr double kPhotonRay = 0.65, kGather = 0.9;
-/// Direct light and edges, whose sample points are stratified over passes: squared error falls by 1 (glass) to 1.5 (diffuse rooms)
-/// powers of their number.
+/// Direct light and edges, whose sample points are stratified over passes: squared error falls by 1 (glass)
+/// to 1.5 (diffuse rooms) powers of their number.
 constexpr double kStratified = 1.5;
 /// Records of the irradiance cache for each diffuse pixel at 7,000 pixels (0.25 to 1 there).
 constexpr double kRecords = 0.5;
@@ -30,7 +30,8 @@ double eye_pass(const JobSpec& spec, const Pilot& pilot) {
   return pixels_of(spec) * (pilot.eye_rays + kGather * pilot.gathers);
 }
 
-/// sppm with so many photon paths a pass. First discs hold photons in proportion to paths^(2/3), so that errors fall likewise.
+/// sppm with so many photon paths a pass. First discs hold photons in proportion to paths^(2/3), so that
+/// errors fall likewise.
 Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths) {
   const double more = static_cast<double>(paths) / static_cast<double>(photon_paths(spec));
   Forecast f;
@@ -44,7 +45,9 @@ Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths) {
 
 }  // namespace
 
-double Forecast::error(double passes) const { return fast / std::pow(passes, power) + slow / std::pow(passes, 2.0 / 3.0) + floor; }
+double Forecast::error(double passes) const {
+  return fast / std::pow(passes, power) + slow / std::pow(passes, 2.0 / 3.0) + floor;
+}
 
 double Forecast::passes_to(double target) const {
   if (floor >= target) return std::numeric_limits<double>::infinity();
@@ -64,23 +67,27 @@ Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
   Forecast f;
   const double delta = delta_part(pilot);
   const double caustic = pilot.missed(kCaustic), indirect = pilot.missed(kIndirect);
-  // A lamp of radiance Le that is met with probability p brings p Le, with the moment p Le^2: what is missed is bright and rare.
-  f.fast = pilot.path_noise +
-           (1.0 - delta) * pilot.lamp_radiance * (caustic * pilot.caustic_moment + indirect * pilot.indirect_moment);
-  f.floor = delta * delta * (caustic * caustic * pilot.caustic_square + indirect * indirect * pilot.indirect_square);
+  // A lamp of radiance Le that is met with probability p brings p Le, with the moment p Le^2: what is missed
+  // is bright and rare.
+  f.fast = pilot.path_noise + (1.0 - delta) * pilot.lamp_radiance *
+                                  (caustic * pilot.caustic_moment + indirect * pilot.indirect_moment);
+  f.floor = delta * delta *
+            (caustic * caustic * pilot.caustic_square + indirect * indirect * pilot.indirect_square);
   f.pass = pixels_of(spec) * pilot.path_rays;
   return f;
 }
 
-Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) { return sppm_of(spec, pilot, plan_photons(spec, pilot)); }
+Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) {
+  return sppm_of(spec, pilot, plan_photons(spec, pilot));
+}
 
 std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot) {
   if (spec.integrator.photons > 0) return spec.integrator.photons;
   std::int64_t best = 0;
   double least = std::numeric_limits<double>::infinity();
   for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
-    const auto paths =
-        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
+    const auto paths = std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height,
+                                  kFewestPhotonPaths, kMostPhotonPaths);
     const double work = sppm_of(spec, pilot, paths).work_to(kPlanTarget);
     if (best > 0 && work >= least) continue;
     best = paths;
@@ -100,7 +107,8 @@ Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {
   f.floor = kInterpolated * more * (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]);
   f.pass = eye_pass(spec, pilot);
   const double records = kRecords * pixels_of(spec) * pilot.diffuse;
-  const auto caustic_paths = pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
+  const auto caustic_paths =
+      pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
   f.setup = kPhotonRay * pilot.photon_rays * (paths + caustic_paths) + records * spec.irradiance_cache.rays;
   return f;
 }

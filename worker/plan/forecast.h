@@ -7,8 +7,9 @@
 
 namespace pf {
 
-/// How a method's error falls and what it costs, as the pilot foretells it. The model, held against measurement in
-/// tests/bench/PLANNER.md: relMSE after n passes = fast / n^power + slow / n^(2/3) + floor, and work = setup + n * pass.
+/// How a method's error falls and what it costs, as the pilot foretells it. The model, held against
+/// measurement in tests/bench/PLANNER.md: relMSE after n passes = fast / n^power + slow / n^(2/3) + floor,
+/// and work = setup + n * pass.
 struct Forecast {
   double fast = 0;   ///< noise that independent samples average out
   double power = 1;  ///< above 1 where samples are stratified over passes
@@ -23,7 +24,8 @@ struct Forecast {
   [[nodiscard]] double work_to(double target) const;
 };
 
-/// The error that methods are compared at. Not the job's stop.error: a job that is made longer keeps its method.
+/// The error that methods are compared at. Not the job's stop.error: a job that is made longer keeps its
+/// method.
 inline constexpr double kPlanTarget = 0.01;
 /// Around kPlanTarget the forecast of an error is right within this factor both ways on the example scenes.
 inline constexpr double kForecastFactor = 3.0;
@@ -31,8 +33,8 @@ inline constexpr double kForecastFactor = 3.0;
 [[nodiscard]] Forecast forecast_path(const JobSpec& spec, const Pilot& pilot);
 /// Of sppm with its photon paths of a pass as the job says or, where it leaves them open, plan_photons().
 [[nodiscard]] Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot);
-/// Photon paths of a pass of sppm: the job's, or those of 1, 2, 4 ... 32 a pixel with the least work to kPlanTarget. Few where the
-/// eye's own noise rules, many where few photons reach what is seen.
+/// Photon paths of a pass of sppm: the job's, or those of 1, 2, 4 ... 32 a pixel with the least work to
+/// kPlanTarget. Few where the eye's own noise rules, many where few photons reach what is seen.
 [[nodiscard]] std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot);
 

@@ -14,7 +14,8 @@
 namespace pf {
 namespace {
 
-/// Of the eye samples of a pixel those that also ask the photons, which cost more than the rest of the sample.
+/// Of the eye samples of a pixel those that also ask the photons, which cost more than the rest of the
+/// sample.
 constexpr int kGatherSamples = 4;
 /// Photons of a density estimate: 17 % noise at a place, far less in the mean over all places.
 constexpr std::uint32_t kNearest = 36;
@@ -24,8 +25,8 @@ constexpr std::uint32_t kEmissions = 4096;
 constexpr double kOffset = 0.01;
 constexpr std::uint64_t kSeed = 1;
 
-/// First discs of progressive photon mapping, roughly (ProgressiveMapping::first_radius2): photons wanted of 500,000 paths, and
-/// radii in pixel footprints.
+/// First discs of progressive photon mapping, roughly (ProgressiveMapping::first_radius2): photons wanted of
+/// 500,000 paths, and radii in pixel footprints.
 struct DiscRule {
   double photons, least, most;
 };
@@ -77,7 +78,8 @@ PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
   for (const Flow flow : {kCaustic, kIndirect}) {
     pilot.stored[flow] = static_cast<double>(batch.flows[flow].size()) / kPilotPhotons;
     const PhotonArrays* arrays[] = {&batch.flows[flow]};
-    maps.of[flow] = MapEstimate(scene, arrays, tracer.flux_unit(), {.nearest = kNearest, .filter = PhotonFilter::kDisc});
+    maps.of[flow] =
+        MapEstimate(scene, arrays, tracer.flux_unit(), {.nearest = kNearest, .filter = PhotonFilter::kDisc});
   }
   return maps;
 }
@@ -104,8 +106,8 @@ struct PilotSink {
   const Eye& eye;
   const PilotMaps& maps;
   PixelFindings& found;
-  bool asks = false;     ///< this sample asks the photons
-  double radiance = 0;   ///< of this sample: what photon mapping samples from the eye
+  bool asks = false;    ///< this sample asks the photons
+  double radiance = 0;  ///< of this sample: what photon mapping samples from the eye
 
   void ray() { ++found.eye.rays; }
   void escape(const EyeWalk& walk) {
@@ -130,7 +132,8 @@ struct PilotSink {
     }
   }
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    radiance += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, found.eye.rays));
+    radiance += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow,
+                                             found.eye.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk) {
     found.gathers += 1.0;
@@ -145,7 +148,8 @@ struct PilotSink {
       if (flow == kCaustic && walk.bounce > 0) found.mirrored += light;
       thread_local NearestPhotons answer;
       const float reach = map.max_distance();
-      map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false}, answer);
+      map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false},
+                            answer);
       const double area = static_cast<double>(kPi * answer.radius2);
       if (light <= 0.0 || area <= 0.0) continue;
       found.density[flow] += light * static_cast<double>(answer.count) / (area * kPilotPhotons);
@@ -167,9 +171,15 @@ struct Grid {
     rows = std::clamp(kPilotPixels / columns, 1, h);
     columns = std::clamp(kPilotPixels / rows, 1, w);
   }
-  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows); }
-  [[nodiscard]] int x(std::size_t i) const { return middle(static_cast<int>(i % static_cast<std::size_t>(columns)), columns, width); }
-  [[nodiscard]] int y(std::size_t i) const { return middle(static_cast<int>(i / static_cast<std::size_t>(columns)), rows, height); }
+  [[nodiscard]] std::size_t size() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
+  [[nodiscard]] int x(std::size_t i) const {
+    return middle(static_cast<int>(i % static_cast<std::size_t>(columns)), columns, width);
+  }
+  [[nodiscard]] int y(std::size_t i) const {
+    return middle(static_cast<int>(i / static_cast<std::size_t>(columns)), rows, height);
+  }
 
  private:
   static int middle(int cell, int cells, int length) {
@@ -177,8 +187,8 @@ struct Grid {
   }
 };
 
-PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& paths, const PilotMaps& maps, int max_depth, int x,
-                   int y) {
+PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& paths, const PilotMaps& maps,
+                   int max_depth, int x, int y) {
   PixelFindings found;
   const EyePaths eye_paths(scene, eye, max_depth);
   const SumScale scale = paths.film_options().scale;
@@ -190,7 +200,8 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
     PixelSums sums;
     paths.trace(x, y, static_cast<std::uint64_t>(s), sums, nullptr, found.traced);
     const auto light = [&](const std::array<std::int64_t, 3>& rgb, double step) {
-      return lum(Rgb(static_cast<float>(static_cast<double>(rgb[0]) * step), static_cast<float>(static_cast<double>(rgb[1]) * step),
+      return lum(Rgb(static_cast<float>(static_cast<double>(rgb[0]) * step),
+                     static_cast<float>(static_cast<double>(rgb[1]) * step),
                      static_cast<float>(static_cast<double>(rgb[2]) * step)));
     };
     double radiance = light(sums.direct, scale.radiance);
@@ -209,7 +220,8 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
 double photons_in_disc(const DiscRule& rule, double density, double footprint, double paths) {
   const double wanted = rule.photons * std::pow(paths / kDiscPaths, 2.0 / 3.0);
   const double of_footprint = density * paths * static_cast<double>(kPi) * footprint * footprint;
-  return std::max(1.0, std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
+  return std::max(
+      1.0, std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
 }
 
 double variance(double sum, double sum_of_squares) {
@@ -293,11 +305,27 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
   pilot.samples = kPilotSamples;
   for (const PixelFindings& pixel : found) add_pixel(pixel, static_cast<double>(photon_paths(spec)), pilot);
   const double share = 1.0 / static_cast<double>(found.size());
-  for (double* mean : {&pilot.nothing, &pilot.diffuse, &pilot.glossy, &pilot.specular, &pilot.path_rays, &pilot.eye_rays, &pilot.gathers,
-                       &pilot.direct, &pilot.light[kCaustic], &pilot.light[kIndirect], &pilot.path_light[kCaustic],
-                       &pilot.path_light[kIndirect], &pilot.mirrored_caustic, &pilot.path_noise, &pilot.direct_noise,
-                       &pilot.caustic_moment, &pilot.caustic_square, &pilot.indirect_moment, &pilot.indirect_square,
-                       &pilot.photon_noise[kCaustic], &pilot.photon_noise[kIndirect]}) {
+  for (double* mean : {&pilot.nothing,
+                       &pilot.diffuse,
+                       &pilot.glossy,
+                       &pilot.specular,
+                       &pilot.path_rays,
+                       &pilot.eye_rays,
+                       &pilot.gathers,
+                       &pilot.direct,
+                       &pilot.light[kCaustic],
+                       &pilot.light[kIndirect],
+                       &pilot.path_light[kCaustic],
+                       &pilot.path_light[kIndirect],
+                       &pilot.mirrored_caustic,
+                       &pilot.path_noise,
+                       &pilot.direct_noise,
+                       &pilot.caustic_moment,
+                       &pilot.caustic_square,
+                       &pilot.indirect_moment,
+                       &pilot.indirect_square,
+                       &pilot.photon_noise[kCaustic],
+                       &pilot.photon_noise[kIndirect]}) {
     *mean *= share;
   }
   pilot.roughness = roughness_of(found, grid.columns);

@@ -9,48 +9,54 @@
 
 namespace pf {
 
-/// What a few photons from the lamps and a few paths from the eye find out about a job. Random numbers are fixed, whatever the
-/// job's seed, and sums are taken in a fixed order: for one build and instruction set a job has one pilot, on any machine and
-/// number of threads, so that all workers of a farm plan alike. Nothing here is a time.
+/// What a few photons from the lamps and a few paths from the eye find out about a job. Random numbers are
+/// fixed, whatever the job's seed, and sums are taken in a fixed order: for one build and instruction set a
+/// job has one pilot, on any machine and number of threads, so that all workers of a farm plan alike. Nothing
+/// here is a time.
 ///
-/// "Noise" is the relMSE (mean of (x - r)^2 / (r^2 + 0.01), luminance) of an image of one sample per pixel; of n samples it is
-/// the n-th part.
+/// "Noise" is the relMSE (mean of (x - r)^2 / (r^2 + 0.01), luminance) of an image of one sample per pixel;
+/// of n samples it is the n-th part.
 struct Pilot {
   // Lamps, by what a path from the eye can find.
-  double flux = 0;           ///< emitted [W], mean over channels
-  double delta_flux = 0;     ///< part of it from point, spot and directional lights: never met by chance
-  double sky_flux = 0;       ///< part of it from the environment
-  double lamp_radiance = 0;  ///< luminance of all other lamps, by flux [W sr^-1 m^-2]: the flux of small lamps is bright
+  double flux = 0;        ///< emitted [W], mean over channels
+  double delta_flux = 0;  ///< part of it from point, spot and directional lights: never met by chance
+  double sky_flux = 0;    ///< part of it from the environment
+  double lamp_radiance =
+      0;  ///< luminance of all other lamps, by flux [W sr^-1 m^-2]: the flux of small lamps is bright
 
   // Photons.
   std::uint32_t photon_paths = 0;
-  double lost = 0;           ///< part of the paths whose first ray meets nothing
-  double photon_rays = 0;    ///< of a path
+  double lost = 0;                      ///< part of the paths whose first ray meets nothing
+  double photon_rays = 0;               ///< of a path
   std::array<double, kFlows> stored{};  ///< photons of a path, by flow
 
   // The eye.
-  std::uint32_t pixels = 0, samples = 0;  ///< of a pixel
+  std::uint32_t pixels = 0, samples = 0;                      ///< of a pixel
   double nothing = 0, diffuse = 0, glossy = 0, specular = 0;  ///< what is seen first: parts that add up to 1
-  double path_rays = 0;      ///< of a sample of path tracing
-  double eye_rays = 0;       ///< of an eye sample of photon mapping
-  double gathers = 0;        ///< places of an eye sample where photons are gathered
+  double path_rays = 0;                                       ///< of a sample of path tracing
+  double eye_rays = 0;                                        ///< of an eye sample of photon mapping
+  double gathers = 0;  ///< places of an eye sample where photons are gathered
 
   // Radiance that reaches the eye, image means of luminance.
-  double direct = 0;         ///< seen lamps and sky, and light straight from them, also in mirrors and through glass
+  double direct = 0;  ///< seen lamps and sky, and light straight from them, also in mirrors and through glass
   std::array<double, kFlows> light{};       ///< of the photons' flows
   std::array<double, kFlows> path_light{};  ///< the same as path tracing found it
-  double mirrored_caustic = 0;  ///< part of light[kCaustic] that is seen in mirrors or through glass: L S+ D S+ E
+  double mirrored_caustic =
+      0;  ///< part of light[kCaustic] that is seen in mirrors or through glass: L S+ D S+ E
 
   // Errors.
-  double path_noise = 0;     ///< of path tracing, as far as its samples saw it
-  double direct_noise = 0;   ///< of what photon mapping samples from the eye
-  double caustic_moment = 0; ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
-  double caustic_square = 0; ///< relMSE of an image without any caustic
+  double path_noise = 0;      ///< of path tracing, as far as its samples saw it
+  double direct_noise = 0;    ///< of what photon mapping samples from the eye
+  double caustic_moment = 0;  ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
+  double caustic_square = 0;  ///< relMSE of an image without any caustic
   double indirect_moment = 0, indirect_square = 0;  ///< the same for indirect light
-  std::array<double, kFlows> photon_noise{};  ///< relMSE of the first sub-pass's density estimates, without their blur
-  double roughness = 0;      ///< relative difference of indirect irradiance between neighbours on one surface: 0 smooth
+  std::array<double, kFlows>
+      photon_noise{};  ///< relMSE of the first sub-pass's density estimates, without their blur
+  double roughness =
+      0;  ///< relative difference of indirect irradiance between neighbours on one surface: 0 smooth
 
-  /// Part of a flow's light that paths from the eye did not find, 0 to 1; differences within the pilot's own noise are 0.
+  /// Part of a flow's light that paths from the eye did not find, 0 to 1; differences within the pilot's own
+  /// noise are 0.
   [[nodiscard]] double missed(Flow flow) const;
 };
 

@@ -21,24 +21,28 @@ std::string caster_words(const CausticFacts& caustics, int count) {
   return words;
 }
 
-/// Methods whose work is foretold within this factor of the least are taken for equal: path tracing goes first among them, whose
-/// error falls fastest from there on and has no blur, then sppm, whose error has no floor.
+/// Methods whose work is foretold within this factor of the least are taken for equal: path tracing goes
+/// first among them, whose error falls fastest from there on and has no blur, then sppm, whose error has no
+/// floor.
 constexpr double kTie = 1.15;
-/// Above this relMSE light that paths never find is missed in the image, however small its part in the mean is.
+/// Above this relMSE light that paths never find is missed in the image, however small its part in the mean
+/// is.
 constexpr double kNeverShown = 1e-4;
 /// An irradiance cache is worth its records only on surfaces like these...
 constexpr double kMostlyDiffuse = 0.9;
 /// ... whose indirect light differs less than this between neighbours of the pilot's grid.
 constexpr double kSmooth = 0.25;
-/// Below this part of photons that meet nothing a projection map saves less than it costs (ProjectionMap::sparse()). Tried for
-/// sppm, too, and dropped: in the pool its error falls by 7 % and its time grows by 17 %.
+/// Below this part of photons that meet nothing a projection map saves less than it costs
+/// (ProjectionMap::sparse()). Tried for sppm, too, and dropped: in the pool its error falls by 7 % and its
+/// time grows by 17 %.
 constexpr double kSparse = 0.2;
 
 std::string_view name_of(IntegratorType type) { return to_string(type); }
 
 /// Work up to the error that methods are compared at; infinite for what stays wrong in a way that shows.
 double work_of(const Candidate& c) {
-  if (c.method == IntegratorType::kPath && c.forecast.floor > kNeverShown) return std::numeric_limits<double>::infinity();
+  if (c.method == IntegratorType::kPath && c.forecast.floor > kNeverShown)
+    return std::numeric_limits<double>::infinity();
   return c.forecast.work_to(kPlanTarget);
 }
 
@@ -49,8 +53,8 @@ std::vector<Candidate> weigh(const JobSpec& spec, const Pilot& pilot) {
     candidates.push_back({IntegratorType::kIrradianceCache, forecast_irradiance_cache(spec, pilot)});
   double least = std::numeric_limits<double>::infinity();
   for (const Candidate& c : candidates) least = std::min(least, work_of(c));
-  const auto chosen =
-      std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& c) { return work_of(c) <= kTie * least; });
+  const auto chosen = std::find_if(candidates.begin(), candidates.end(),
+                                   [&](const Candidate& c) { return work_of(c) <= kTie * least; });
   std::rotate(candidates.begin(), chosen, chosen + 1);
   std::stable_sort(candidates.begin() + 1, candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return work_of(a) < work_of(b); });
@@ -63,20 +67,23 @@ std::string path_words(const Pilot& pilot, const CausticFacts& caustics) {
   if (light <= 0.0) return "the eye sees no light";
   const double missed =
       pilot.missed(kCaustic) * pilot.light[kCaustic] + pilot.missed(kIndirect) * pilot.light[kIndirect];
-  std::string words = fmt::format("{:.3g} % of the light comes straight from lamps or sky, {:.3g} % by mirrors or glass, {:.3g} % from "
-                                  "surface to surface",
-                                  100.0 * pilot.direct / light, 100.0 * pilot.light[kCaustic] / light,
-                                  100.0 * pilot.light[kIndirect] / light);
+  std::string words = fmt::format(
+      "{:.3g} % of the light comes straight from lamps or sky, {:.3g} % by mirrors or glass, {:.3g} % from "
+      "surface to surface",
+      100.0 * pilot.direct / light, 100.0 * pilot.light[kCaustic] / light,
+      100.0 * pilot.light[kIndirect] / light);
   if (missed > 0.0) {
     words += fmt::format("; paths from the eye miss {:.3g} % of all, ", 100.0 * missed / light);
-    words += pilot.delta_flux > 0.0 ? "as lamps without size cannot be met by chance"
-                                    : fmt::format("as a lamp that fills {:.2g} % of a sphere is hardly ever met",
-                                                  100.0 * caustics.smallest_light);
+    words += pilot.delta_flux > 0.0
+                 ? "as lamps without size cannot be met by chance"
+                 : fmt::format("as a lamp that fills {:.2g} % of a sphere is hardly ever met",
+                               100.0 * caustics.smallest_light);
   }
   return words;
 }
 
-Decision choose_algorithm(const SceneFacts& facts, const Pilot& pilot, const std::vector<Candidate>& candidates) {
+Decision choose_algorithm(const SceneFacts& facts, const Pilot& pilot,
+                          const std::vector<Candidate>& candidates) {
   if (pilot.flux <= 0.0)
     return {"algorithm", "path", "nothing emits light: the image is black whatever computes it"};
   const Candidate& best = candidates.front();
@@ -105,15 +112,18 @@ void decide(Plan& plan, bool& term, std::string subject, bool on, std::string wh
 }
 
 /// A term that the job may switch itself.
-void decide(Plan& plan, bool& term, const Switchable& subject, bool traces, bool on, std::string why_on, std::string why_off) {
+void decide(Plan& plan, bool& term, const Switchable& subject, bool traces, bool on, std::string why_on,
+            std::string why_off) {
   if (!traces) return decide(plan, term, subject.name, false, "", "the algorithm has no use for it");
-  if (subject.asked == Switch::kAuto) return decide(plan, term, subject.name, on, std::move(why_on), std::move(why_off));
+  if (subject.asked == Switch::kAuto)
+    return decide(plan, term, subject.name, on, std::move(why_on), std::move(why_off));
   const std::string asked = fmt::format("the job asks for it ({})", subject.key);
   decide(plan, term, subject.name, subject.asked == Switch::kOn, asked, asked);
 }
 
 bool keeps_maps(IntegratorType type) {
-  return type == IntegratorType::kPhotonMap || type == IntegratorType::kFinalGather || type == IntegratorType::kIrradianceCache;
+  return type == IntegratorType::kPhotonMap || type == IntegratorType::kFinalGather ||
+         type == IntegratorType::kIrradianceCache;
 }
 
 void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
@@ -123,8 +133,9 @@ void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
   const double pixels = static_cast<double>(spec.image.width) * spec.image.height;
   std::string reason = fmt::format("{:.2g} a pixel", static_cast<double>(paths) / pixels);
   if (plan.photons > 0) {
-    reason += fmt::format(", the fastest to relMSE {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass", kPlanTarget,
-                          pilot.direct_noise, forecast_sppm(spec, pilot).slow);
+    reason += fmt::format(
+        ", the fastest to relMSE {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
+        kPlanTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
   }
   if (keeps_maps(plan.algorithm)) reason = "as many as a map wants that is made once";
   if (spec.integrator.photons > 0) reason = "the job asks for them (integrator.photons)";
@@ -137,13 +148,16 @@ void decide_photon_terms(const JobSpec& spec, const SceneFacts& facts, const Pil
   const int reached = caustics.reached_by_small + caustics.reached_by_large;
   const double found = pilot.stored[kCaustic] * pilot.photon_paths;
   const bool any = found > 0.0 || reached > 0 || caustics.lights_in_glass > 0;
-  decide(plan, plan.caustic_map, {"caustic map", "photon_map.caustic_map", spec.photon_map.caustic_map}, traces, any,
-         fmt::format("{}; {:.0f} of {} photons came to a surface by mirrors or glass", caster_words(caustics, reached), found,
-                     pilot.photon_paths),
-         fmt::format("no lamp shines on a surface that focuses light, and none of {} photons came by one", pilot.photon_paths));
+  decide(plan, plan.caustic_map, {"caustic map", "photon_map.caustic_map", spec.photon_map.caustic_map},
+         traces, any,
+         fmt::format("{}; {:.0f} of {} photons came to a surface by mirrors or glass",
+                     caster_words(caustics, reached), found, pilot.photon_paths),
+         fmt::format("no lamp shines on a surface that focuses light, and none of {} photons came by one",
+                     pilot.photon_paths));
   const std::string lost = fmt::format("{:.3g} % of the photons meet nothing", 100.0 * pilot.lost);
   const bool aimed = plan.caustic_map;
-  decide(plan, plan.projection_map, {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},
+  decide(plan, plan.projection_map,
+         {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},
          keeps_maps(plan.algorithm), pilot.lost > kSparse || aimed,
          aimed ? "photons of the caustic map go only where mirrors and glass are; " + lost : lost, lost);
 }

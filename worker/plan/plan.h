@@ -42,7 +42,8 @@ struct Plan {
   bool media = false;  ///< absorption inside glass
   bool depth_of_field = false;
   std::vector<Decision> decisions;  ///< the algorithm first, then photons, then each term in the order above
-  std::vector<Candidate> candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
+  std::vector<Candidate>
+      candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
   std::vector<std::string> warnings;
 
   /// The forecast of the algorithm, where there is one.
@@ -51,8 +52,8 @@ struct Plan {
   [[nodiscard]] JobSpec resolve(const JobSpec& spec) const;
 };
 
-/// Decides from the job, the scene and its pilot alone; same input, same plan. What the job says outright is kept. Never looks
-/// at stop: a job that is made longer keeps its plan.
+/// Decides from the job, the scene and its pilot alone; same input, same plan. What the job says outright is
+/// kept. Never looks at stop: a job that is made longer keeps its plan.
 [[nodiscard]] Plan make_plan(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot);
 
 /// What `photonfarm plan` prints beside the plan: how fast this machine is.
@@ -62,13 +63,13 @@ struct PilotTiming {
   [[nodiscard]] double per_work(const Pilot& pilot) const;
 };
 
-/// What `photonfarm plan` prints: the job, the scene's facts, the pilot's evidence, each decision with its reason, and when the
-/// image would reach stop.error, or kPlanTarget without one.
-[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
-                                    const PilotTiming& timing);
+/// What `photonfarm plan` prints: the job, the scene's facts, the pilot's evidence, each decision with its
+/// reason, and when the image would reach stop.error, or kPlanTarget without one.
+[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot,
+                                    const Plan& plan, const PilotTiming& timing);
 /// The same as one JSON object with the keys job, scene, pilot, plan, forecast.
-[[nodiscard]] nlohmann::json plan_json(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
-                                       const PilotTiming& timing);
+[[nodiscard]] nlohmann::json plan_json(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot,
+                                       const Plan& plan, const PilotTiming& timing);
 /// One line for an image's metadata: `sppm; caustic map on; ...`.
 [[nodiscard]] std::string plan_line(const Plan& plan);
 

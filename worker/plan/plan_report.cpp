@@ -61,9 +61,9 @@ std::string length_words(const JobSpec& spec, const Plan& plan) {
   const bool photons = plan.algorithm == IntegratorType::kSppm || plan.algorithm == IntegratorType::kPpm;
   Words words;
   if (spec.stop.passes > 0) {
-    words.push_back(
-        photons ? fmt::format("{} passes of {} photon paths", spec.stop.passes, photon_paths(plan.resolve(spec)))
-                : fmt::format("{} samples a pixel", spec.stop.passes));
+    words.push_back(photons ? fmt::format("{} passes of {} photon paths", spec.stop.passes,
+                                          photon_paths(plan.resolve(spec)))
+                            : fmt::format("{} samples a pixel", spec.stop.passes));
   }
   if (spec.stop.seconds > 0) words.push_back(fmt::format("{:g} s", spec.stop.seconds));
   if (spec.stop.error > 0) words.push_back(fmt::format("a relative error of {:g}", spec.stop.error));
@@ -134,29 +134,40 @@ nlohmann::json facts_json(const SceneFacts& facts) {
   };
 }
 
-double target_of(const JobSpec& spec) { return spec.stop.error > 0.0 ? spec.stop.error * spec.stop.error : kPlanTarget; }
+double target_of(const JobSpec& spec) {
+  return spec.stop.error > 0.0 ? spec.stop.error * spec.stop.error : kPlanTarget;
+}
 
-nlohmann::json finite(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
+nlohmann::json finite(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
 
 /// Seconds until the error is at most the target: least, likely, most.
 std::array<double, 3> seconds_to(const Forecast& f, double target, double per_work) {
-  return {per_work * f.work_to(target * kForecastFactor), per_work * f.work_to(target), per_work * f.work_to(target / kForecastFactor)};
+  return {per_work * f.work_to(target * kForecastFactor), per_work * f.work_to(target),
+          per_work * f.work_to(target / kForecastFactor)};
 }
 
 std::string duration(double seconds) {
   if (!std::isfinite(seconds)) return "never";
-  if (seconds < 120.0) return seconds < 9.5 ? fmt::format("{:.1f} s", seconds) : fmt::format("{:.0f} s", seconds);
-  return seconds < 7200.0 ? fmt::format("{:.0f} min", seconds / 60.0) : fmt::format("{:.0f} h", seconds / 3600.0);
+  if (seconds < 120.0)
+    return seconds < 9.5 ? fmt::format("{:.1f} s", seconds) : fmt::format("{:.0f} s", seconds);
+  return seconds < 7200.0 ? fmt::format("{:.0f} min", seconds / 60.0)
+                          : fmt::format("{:.0f} h", seconds / 3600.0);
 }
 
-std::string forecast_words(const JobSpec& spec, const Pilot& pilot, const Plan& plan, const PilotTiming& timing) {
+std::string forecast_words(const JobSpec& spec, const Pilot& pilot, const Plan& plan,
+                           const PilotTiming& timing) {
   const Forecast* f = plan.forecast();
-  if (f == nullptr) return fmt::format("none for {}: its error is blur that more passes do not remove", to_string(plan.algorithm));
+  if (f == nullptr)
+    return fmt::format("none for {}: its error is blur that more passes do not remove",
+                       to_string(plan.algorithm));
   const double target = target_of(spec);
   const auto seconds = seconds_to(*f, target, timing.per_work(pilot));
-  return fmt::format("relMSE {:.2g} after {} ({} to {}), {} passes, on this machine alone", target, duration(seconds[1]),
-                     duration(seconds[0]), duration(seconds[2]),
-                     std::isfinite(f->passes_to(target)) ? fmt::format("{:.0f}", f->passes_to(target)) : "any number of");
+  return fmt::format(
+      "relMSE {:.2g} after {} ({} to {}), {} passes, on this machine alone", target, duration(seconds[1]),
+      duration(seconds[0]), duration(seconds[2]),
+      std::isfinite(f->passes_to(target)) ? fmt::format("{:.0f}", f->passes_to(target)) : "any number of");
 }
 
 /// The pilot's evidence: what it measured, in words.
@@ -164,24 +175,35 @@ std::vector<std::pair<std::string, std::string>> pilot_lines(const Pilot& p, con
   const double light = p.direct + p.light[kCaustic] + p.light[kIndirect];
   const auto share = [&](double part) { return light > 0.0 ? 100.0 * part / light : 0.0; };
   return {
-      {"traced", fmt::format("{} photon paths, {} pixels of {} eye samples in {:.2g} s", p.photon_paths, p.pixels, p.samples, timing.seconds)},
-      {"lamps", fmt::format("{:.3g} % of the flux from lamps without size, {:.3g} % from the sky; the others' radiance is {:.3g}",
+      {"traced", fmt::format("{} photon paths, {} pixels of {} eye samples in {:.2g} s", p.photon_paths,
+                             p.pixels, p.samples, timing.seconds)},
+      {"lamps", fmt::format("{:.3g} % of the flux from lamps without size, {:.3g} % from the sky; the "
+                            "others' radiance is {:.3g}",
                             100.0 * p.delta_flux, 100.0 * p.sky_flux, p.lamp_radiance)},
-      {"photons", fmt::format("{:.3g} % meet nothing; {:.2g} rays a path; {:.2g} caustic and {:.2g} other photons stored of each",
+      {"photons", fmt::format("{:.3g} % meet nothing; {:.2g} rays a path; {:.2g} caustic and {:.2g} other "
+                              "photons stored of each",
                               100.0 * p.lost, p.photon_rays, p.stored[kCaustic], p.stored[kIndirect])},
-      {"seen first", fmt::format("{:.3g} % diffuse, {:.3g} % glossy, {:.3g} % mirrors and glass, {:.3g} % nothing", 100.0 * p.diffuse,
-                                 100.0 * p.glossy, 100.0 * p.specular, 100.0 * p.nothing)},
+      {"seen first",
+       fmt::format("{:.3g} % diffuse, {:.3g} % glossy, {:.3g} % mirrors and glass, {:.3g} % nothing",
+                   100.0 * p.diffuse, 100.0 * p.glossy, 100.0 * p.specular, 100.0 * p.nothing)},
       {"direct light", fmt::format("{:.3g} %", share(p.direct))},
-      {"caustics", fmt::format("{:.3g} %, of which paths from the eye found {:.3g} %; {:.3g} % seen in mirrors or through glass",
-                               share(p.light[kCaustic]), 100.0 * (1.0 - p.missed(kCaustic)), share(p.mirrored_caustic))},
-      {"indirect light", fmt::format("{:.3g} %, of which paths from the eye found {:.3g} %; differs by {:.2g} % between neighbours",
-                                     share(p.light[kIndirect]), 100.0 * (1.0 - p.missed(kIndirect)), 100.0 * p.roughness)},
-      {"noise of a pass", fmt::format("relMSE {:.2g} by path tracing, {:.2g} of direct light alone, {:.2g} of photons", p.path_noise,
-                                      p.direct_noise, p.photon_noise[kCaustic] + p.photon_noise[kIndirect])},
+      {"caustics",
+       fmt::format(
+           "{:.3g} %, of which paths from the eye found {:.3g} %; {:.3g} % seen in mirrors or through glass",
+           share(p.light[kCaustic]), 100.0 * (1.0 - p.missed(kCaustic)), share(p.mirrored_caustic))},
+      {"indirect light",
+       fmt::format(
+           "{:.3g} %, of which paths from the eye found {:.3g} %; differs by {:.2g} % between neighbours",
+           share(p.light[kIndirect]), 100.0 * (1.0 - p.missed(kIndirect)), 100.0 * p.roughness)},
+      {"noise of a pass",
+       fmt::format("relMSE {:.2g} by path tracing, {:.2g} of direct light alone, {:.2g} of photons",
+                   p.path_noise, p.direct_noise, p.photon_noise[kCaustic] + p.photon_noise[kIndirect])},
   };
 }
 
-nlohmann::json flows(const std::array<double, kFlows>& of) { return {{"caustic", of[kCaustic]}, {"indirect", of[kIndirect]}}; }
+nlohmann::json flows(const std::array<double, kFlows>& of) {
+  return {{"caustic", of[kCaustic]}, {"indirect", of[kIndirect]}};
+}
 
 nlohmann::json pilot_json(const Pilot& p) {
   return {{"photon_paths", p.photon_paths},
@@ -194,7 +216,8 @@ nlohmann::json pilot_json(const Pilot& p) {
           {"lost_share", p.lost},
           {"rays_per_photon_path", p.photon_rays},
           {"stored_per_photon_path", flows(p.stored)},
-          {"seen_share", {{"nothing", p.nothing}, {"diffuse", p.diffuse}, {"glossy", p.glossy}, {"specular", p.specular}}},
+          {"seen_share",
+           {{"nothing", p.nothing}, {"diffuse", p.diffuse}, {"glossy", p.glossy}, {"specular", p.specular}}},
           {"rays_per_path_sample", p.path_rays},
           {"rays_per_eye_sample", p.eye_rays},
           {"gathers_per_eye_sample", p.gathers},
@@ -209,7 +232,8 @@ nlohmann::json pilot_json(const Pilot& p) {
           {"indirect_roughness", p.roughness}};
 }
 
-nlohmann::json forecast_json(const JobSpec& spec, const Pilot& pilot, const Plan& plan, const PilotTiming& timing) {
+nlohmann::json forecast_json(const JobSpec& spec, const Pilot& pilot, const Plan& plan,
+                             const PilotTiming& timing) {
   const double target = target_of(spec);
   nlohmann::json methods = nlohmann::json::object();
   for (const Candidate& c : plan.candidates) {
@@ -229,12 +253,14 @@ nlohmann::json forecast_json(const JobSpec& spec, const Pilot& pilot, const Plan
 }  // namespace
 
 double PilotTiming::per_work(const Pilot& pilot) const {
-  const double eye = static_cast<double>(pilot.pixels) * pilot.samples * (pilot.path_rays + pilot.eye_rays + pilot.gathers);
+  const double eye =
+      static_cast<double>(pilot.pixels) * pilot.samples * (pilot.path_rays + pilot.eye_rays + pilot.gathers);
   const double work = eye + pilot.photon_paths * pilot.photon_rays;
   return work > 0.0 ? seconds / work : 0.0;
 }
 
-std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan, const PilotTiming& timing) {
+std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
+                      const PilotTiming& timing) {
   std::string text;
   const auto line = [&]<typename... Args>(fmt::format_string<Args...> format, Args&&... args) {
     fmt::format_to(std::back_inserter(text), format, std::forward<Args>(args)...);
