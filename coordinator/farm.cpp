@@ -27,8 +27,6 @@ wire::ToWorker envelope() {
   return message;
 }
 
-BlobId id_of(const wire::Blob& blob) { return {sha256_hex_of_bytes(blob.sha256()), blob.bytes()}; }
-
 }  // namespace
 
 Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const Clock& clock,

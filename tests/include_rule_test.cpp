@@ -14,6 +14,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -91,7 +93,7 @@ bool is_source(const fs::path& file) {
 }
 
 TEST(IncludeRule, EverySourceOfTheTreeKeepsIt) {
-  const fs::path root = PF_SOURCE_DIR;
+  const fs::path root = pf::test::source_dir();
   int files = 0;
   for (const char* top : {"common", "worker", "coordinator", "jobs"}) {
     if (!fs::exists(root / top)) continue;

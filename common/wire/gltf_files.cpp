@@ -16,7 +16,6 @@ namespace pf {
 namespace {
 
 using Json = nlohmann::json;
-using Error = std::string;
 
 constexpr std::uint64_t kMaxFileBytes = 0xffffffffu;  // a GLB's length field has 32 bits
 constexpr int kMaxJsonDepth = 128;
@@ -30,37 +29,37 @@ std::string shown(std::string_view text) {
   return "'" + out + (text.size() > kShown ? "...'" : "'");
 }
 
-tl::expected<std::string, Error> json_text(const std::filesystem::path& file) {
+tl::expected<std::string, std::string> json_text(const std::filesystem::path& file) {
   std::error_code error;
   const std::uint64_t size = std::filesystem::file_size(file, error);
   std::ifstream stream(file, std::ios::binary);
-  if (error || !stream) return tl::unexpected<Error>("cannot be read");
-  if (size > kMaxFileBytes) return tl::unexpected<Error>("is larger than 4 GiB");
+  if (error || !stream) return tl::unexpected<std::string>("cannot be read");
+  if (size > kMaxFileBytes) return tl::unexpected<std::string>("is larger than 4 GiB");
   std::array<char, kGlbHeaderBytes> header{};
   stream.read(header.data(), header.size());
   std::uint64_t begin = 0;
   std::uint64_t count = size;
   if (stream.gcount() >= 4 && std::memcmp(header.data(), "glTF", 4) == 0) {
     if (stream.gcount() < static_cast<std::streamsize>(header.size()))
-      return tl::unexpected<Error>("GLB header is cut off");
+      return tl::unexpected<std::string>("GLB header is cut off");
     std::array<std::uint32_t, 4> words{};  // version, length; of the chunk: length, type
     std::memcpy(words.data(), header.data() + 4, sizeof words);
     if (words[0] != 2) return tl::unexpected(fmt::format("GLB version {}; expected 2", words[0]));
     if (std::memcmp(header.data() + 16, "JSON", 4) != 0)
-      return tl::unexpected<Error>("first GLB chunk is not JSON");
+      return tl::unexpected<std::string>("first GLB chunk is not JSON");
     begin = kGlbHeaderBytes;
     count = words[2];
-    if (words[1] > size || count + begin > words[1]) return tl::unexpected<Error>("GLB is cut off");
+    if (words[1] > size || count + begin > words[1]) return tl::unexpected<std::string>("GLB is cut off");
   }
   std::string text(count, '\0');
   stream.clear();
   stream.seekg(static_cast<std::streamoff>(begin));
   stream.read(text.data(), static_cast<std::streamsize>(count));
-  if (static_cast<std::uint64_t>(stream.gcount()) != count) return tl::unexpected<Error>("ends early");
+  if (static_cast<std::uint64_t>(stream.gcount()) != count) return tl::unexpected<std::string>("ends early");
   return text;
 }
 
-tl::expected<Json, Error> parse(const std::string& text) {
+tl::expected<Json, std::string> parse(const std::string& text) {
   bool too_deep = false;
   // Json's own comparison and destruction recurse; the loader's bound holds here too.
   const auto look = [&](int depth, Json::parse_event_t, Json&) {
@@ -71,7 +70,7 @@ tl::expected<Json, Error> parse(const std::string& text) {
     Json document = Json::parse(text, look);
     if (too_deep) return tl::unexpected(fmt::format("JSON is nested deeper than {} levels", kMaxJsonDepth));
     if (!document.is_object())
-      return tl::unexpected<Error>("JSON is not an object; expected a glTF document");
+      return tl::unexpected<std::string>("JSON is not an object; expected a glTF document");
     return document;
   } catch (const Json::exception& e) {
     return tl::unexpected("not glTF: " + shown(e.what()));
@@ -121,7 +120,7 @@ std::set<std::uint64_t> used_images(const Json& document) {
 
 }  // namespace
 
-tl::expected<std::vector<GltfUri>, Error> gltf_uris(const std::filesystem::path& file) {
+tl::expected<std::vector<GltfUri>, std::string> gltf_uris(const std::filesystem::path& file) {
   const auto text = json_text(file);
   if (!text) return tl::unexpected(text.error());
   std::string_view json = *text;
@@ -144,7 +143,7 @@ tl::expected<std::vector<GltfUri>, Error> gltf_uris(const std::filesystem::path&
   return uris;
 }
 
-tl::expected<std::string, Error> gltf_file_name(std::string_view uri) {
+tl::expected<std::string, std::string> gltf_file_name(std::string_view uri) {
   if (has_scheme(uri)) {
     return tl::unexpected(
         fmt::format("URI {} has a scheme; expected a relative path or a data: URI", shown(uri)));

@@ -39,7 +39,7 @@ Result<Message> parse(std::string_view bytes, std::size_t most_bytes) {
     return refuse(schema.name() + ": is not of this schema");
   }
   message.DiscardUnknownFields();
-  if (auto wrong = what_is_wrong(message)) return refuse(std::move(*wrong));
+  if (auto wrong = pf::what_is_wrong(message)) return refuse(std::move(*wrong));
   return message;
 }
 
@@ -143,5 +143,7 @@ bool is_bundle_path(std::string_view path) {
     path.remove_prefix(slash + 1);
   }
 }
+
+BlobId id_of(const wire::Blob& blob) { return {sha256_hex_of_bytes(blob.sha256()), blob.bytes()}; }
 
 }  // namespace pf

@@ -6,6 +6,7 @@
 #include "common/base/hash.h"
 #include "common/base/result.h"
 #include "common/film/film.h"
+#include "common/wire/blob_store.h"
 #include "messages.pb.h"
 
 namespace pf {
@@ -36,5 +37,8 @@ namespace wire = photonfarm::wire::v1;
 [[nodiscard]] bool is_wire_name(std::string_view name);
 /// A path inside a bundle: relative, no empty part, '.' or '..', no NUL or backslash, at most 1024 bytes.
 [[nodiscard]] bool is_bundle_path(std::string_view path);
+
+/// The blob that a message speaks of.
+[[nodiscard]] BlobId id_of(const wire::Blob& blob);
 
 }  // namespace pf

@@ -19,7 +19,7 @@
 namespace pf {
 namespace {
 
-constexpr std::string_view kMagic = "PFR1";
+constexpr std::string_view kStateMagic = "PFR1";
 constexpr std::uint32_t kInfinityBits = 0x7f800000;  // all finite numbers that are not negative lie below
 
 constexpr std::array kColumns = {
@@ -29,7 +29,7 @@ constexpr std::array kColumns = {
            ColumnType::kUint32},
     Column{offsetof(ProgressivePixel, covered_radius), ColumnType::kUint32}};
 using PackedColumns = std::array<PackedColumn, kColumns.size()>;
-constexpr std::size_t kMostTileBytes = sizeof(std::uint32_t) + most_bytes(kColumns, kTilePixels);
+constexpr std::size_t kMostStateTileBytes = sizeof(std::uint32_t) + most_bytes(kColumns, kTilePixels);
 
 tl::unexpected<Error> refuse(std::string why) {
   return fail(ErrorKind::kInvalidInput, "chunk refused: " + std::move(why));
@@ -71,10 +71,10 @@ void set(const PackedColumns& columns, ProgressivePixel* pixels, std::size_t cou
 
 Result<Hash128> pack_state(const std::vector<ProgressivePixel>& state,
                            const std::function<Result<void>(std::string_view chunk)>& sink) {
-  ChunkWriter writer(kMagic, sink);
+  ChunkWriter writer(kStateMagic, sink);
   for (std::size_t begin = 0; begin < state.size(); begin += kTilePixels) {
     const std::size_t count = std::min(kTilePixels, state.size() - begin);
-    auto out = writer.next_tile(kMostTileBytes);
+    auto out = writer.next_tile(kMostStateTileBytes);
     if (!out) return tl::unexpected(out.error());
     const auto index = static_cast<std::uint32_t>(begin / kTilePixels);
     (*out)->append(reinterpret_cast<const char*>(&index), sizeof index);
@@ -96,7 +96,7 @@ StateUnpacker::StateUnpacker(StateUnpacker&&) noexcept = default;
 
 Result<void> StateUnpacker::add(std::string_view chunk) {
   const std::size_t tiles = most_chunks(into_.size());
-  const auto content = open_chunk(chunk, kMagic, kMostTileBytes, tiles);
+  const auto content = open_chunk(chunk, kStateMagic, kMostStateTileBytes, tiles);
   if (!content) return tl::unexpected(content.error());
   // Once to look, once to set: a chunk that is refused leaves no trace.
   for (const bool setting : {false, true}) {

@@ -19,7 +19,7 @@
 namespace pf {
 namespace {
 
-constexpr std::string_view kMagic = "PFS1";
+constexpr std::string_view kStatisticsMagic = "PFS1";
 enum Part : unsigned char { kPixels = 1, kFeatures = 2, kExtras = 4 };
 constexpr std::size_t kTileHeaderBytes = 5;
 
@@ -58,7 +58,7 @@ constexpr std::array kExtraColumns = [] {
 static_assert(sizeof(PixelSums) == 88 && sizeof(FeatureSums) == 16 && sizeof(ExtraSums) == 32,
               "a member was added: it needs a column");
 
-constexpr std::size_t kMostTileBytes =
+constexpr std::size_t kMostStatisticsTileBytes =
     kTileHeaderBytes + most_bytes(kPixelColumns, kTilePixels) + most_bytes(kFeatureColumns, kTilePixels) +
     most_bytes(kExtraColumns, kTilePixels);
 
@@ -245,7 +245,7 @@ Result<void> apply(const ChunkContent& content, Statistics& into) {
 }
 
 Result<ChunkContent> open_statistics(std::string_view chunk, const Statistics& into) {
-  return open_chunk(chunk, kMagic, kMostTileBytes, most_chunks(into.pixels.size()));
+  return open_chunk(chunk, kStatisticsMagic, kMostStatisticsTileBytes, most_chunks(into.pixels.size()));
 }
 
 }  // namespace
@@ -255,7 +255,7 @@ PackedStatistics pack_statistics(const Statistics& statistics) {
   packed.raw_bytes =
       statistics.pixels.size() * sizeof(PixelSums) + statistics.features.size() * sizeof(FeatureSums) +
       statistics.extras.size() * sizeof(ExtraSums);
-  ChunkWriter writer(kMagic, [&](std::string_view chunk) -> Result<void> {
+  ChunkWriter writer(kStatisticsMagic, [&](std::string_view chunk) -> Result<void> {
     packed.chunks.emplace_back(chunk);
     return {};
   });
@@ -266,7 +266,7 @@ PackedStatistics pack_statistics(const Statistics& statistics) {
     if (!statistics.extras.empty() && !all_zero(statistics.extras, begin, count)) parts |= kExtras;
     if (parts == 0) continue;
     // Neither call can fail: compression into a buffer of the bound's size, and a sink that only appends.
-    std::string& out = *writer.next_tile(kMostTileBytes).value();
+    std::string& out = *writer.next_tile(kMostStatisticsTileBytes).value();
     const auto index = static_cast<std::uint32_t>(begin / kTilePixels);
     out.append(reinterpret_cast<const char*>(&index), sizeof index).push_back(static_cast<char>(parts));
     if ((parts & kPixels) != 0) pack_columns(records_of(statistics.pixels, begin, count), kPixelColumns, out);

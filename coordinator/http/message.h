@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -49,5 +50,8 @@ struct HttpReply {
   std::vector<std::pair<std::string, std::string>> headers;
   std::variant<std::string, FileSlice, NextPiece> body;
 };
+
+/// The number that `text` is, when it is decimal digits and nothing else.
+[[nodiscard]] std::optional<std::uint64_t> whole_number(std::string_view text);
 
 }  // namespace pf

@@ -142,7 +142,6 @@ class HttpRoutes {
 };
 
 [[nodiscard]] HttpReply json_reply(const nlohmann::json& value, int status = 200);
-[[nodiscard]] std::optional<std::uint64_t> whole_number(std::string_view text);
 /// A reply that is a problem document.
 [[nodiscard]] HttpReply problem(int status, std::string_view type, std::string_view detail);
 

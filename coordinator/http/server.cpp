@@ -193,7 +193,7 @@ std::optional<HttpReply> refusal(const httplib::Request& request) {
   return std::nullopt;
 }
 
-void wire(Server& server, HttpRoutes& routes, const Log& log) {
+void connect_routes(Server& server, HttpRoutes& routes, const Log& log) {
   const auto plain = [&routes](const httplib::Request& request, httplib::Response& response) {
     send(routes.answer(to_request(request, nullptr)), response);
   };
@@ -305,7 +305,7 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& o
   if (!routes) return tl::unexpected(routes.error());
   parts->routes = std::move(*routes);
   parts->server = std::make_unique<Server>(options.limits, parts->stop.get_token(), std::move(*tls));
-  wire(*parts->server, *parts->routes, log);
+  connect_routes(*parts->server, *parts->routes, log);
   const auto max_threads = static_cast<std::size_t>(std::max(1, options.max_connections));
   parts->server->new_task_queue = [max_threads] { return new TaskQueue(max_threads); };
   // The library's default, SO_REUSEPORT, would let two coordinators share a port without an error.

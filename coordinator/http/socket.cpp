@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kSliceSeconds = 0.1;  // how late a stop may be noticed
 
-double now() {
+double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
@@ -85,11 +85,11 @@ ssize_t HttpSocket::send_now(const char* bytes, std::size_t count, short& wanted
 }
 
 HttpSocket::Waited HttpSocket::wait(short events, double seconds) {
-  const double end = now() + seconds;
+  const double end = seconds_now() + seconds;
   while (true) {
     // What is ready is taken even after a stop: a short reply still gets out.
     const bool stopping = stop_.stop_requested();
-    const double left = end - now();
+    const double left = end - seconds_now();
     ::pollfd poll{fd_, events, 0};
     const int ready = ::poll(&poll, 1, stopping ? 0 : milliseconds(std::min(left, kSliceSeconds)));
     if (ready > 0) return (poll.revents & (events | POLLHUP)) != 0 ? Waited::kReady : Waited::kBroken;
@@ -111,10 +111,10 @@ ssize_t HttpSocket::receive() {
       broken_ = got < 0;
       return got;
     }
-    const double from = now();
+    const double from = seconds_now();
     const double patience = in_head_ ? limits_.head_seconds - read_waited_ : limits_.stall_seconds;
     const Waited waited = wait(wanted, patience);
-    read_waited_ += now() - from;
+    read_waited_ += seconds_now() - from;
     const bool slow = in_head_ ? read_waited_ > limits_.head_seconds : too_slow(read_waited_, read_bytes_);
     if (waited == Waited::kTimeout || slow) {
       refuse("408 Request Timeout");
@@ -170,9 +170,9 @@ ssize_t HttpSocket::write(const char* bytes, std::size_t count) {
     short wanted = 0;
     const ssize_t sent = send_now(bytes + done, count - done, wanted);
     if (wanted != 0) {
-      const double from = now();
+      const double from = seconds_now();
       const Waited waited = wait(wanted, limits_.stall_seconds);
-      write_waited_ += now() - from;
+      write_waited_ += seconds_now() - from;
       broken_ = waited != Waited::kReady || too_slow(write_waited_, written_bytes_);
       continue;
     }
@@ -211,8 +211,8 @@ void HttpSocket::finish() {
     ERR_clear_error();
   }
   ::shutdown(fd_, SHUT_WR);
-  const double end = now() + limits_.linger_seconds;
-  while (now() < end && wait(POLLIN, end - now()) == Waited::kReady) {
+  const double end = seconds_now() + limits_.linger_seconds;
+  while (seconds_now() < end && wait(POLLIN, end - seconds_now()) == Waited::kReady) {
     const ssize_t got = ::recv(fd_, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     if (got == 0 || (got < 0 && errno != EINTR && errno != EAGAIN)) return;
   }

@@ -16,7 +16,7 @@ namespace {
 /// (CoveredArea.MeasuresADiscThatHangsOverAnEdge), at a corner of three walls by a little more.
 constexpr double kCoverBias = 0.02;
 
-std::unique_ptr<const Scene> furnace_box(float rho) {
+std::unique_ptr<const Scene> box_of(float rho) {
   SceneMaker maker;
   maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {rho, rho, rho}), true);
   // Into a corner: edges and faces are all in the picture.
@@ -28,7 +28,7 @@ class Furnace : public testing::TestWithParam<float> {};
 
 TEST_P(Furnace, ABoxIsUniformInEveryPixel) {
   const float rho = GetParam();
-  const auto scene = furnace_box(rho);
+  const auto scene = box_of(rho);
   JobSpec spec = job(12, 12, IntegratorType::kPath, 5000);
   spec.integrator.max_depth = 0;
   const double expected = 1.0 / (1.0 - double{rho});
@@ -45,7 +45,7 @@ INSTANTIATE_TEST_SUITE_P(Albedo, Furnace, testing::Values(0.5f, 0.8f),
                          [](const auto& param) { return param.param < 0.6f ? "Half" : "FourFifths"; });
 
 TEST(Furnace, IsCutAfterTheDepthThatTheJobAsksFor) {
-  const auto scene = furnace_box(0.5f);
+  const auto scene = box_of(0.5f);
   for (const int depth : {1, 2, 4}) {
     JobSpec spec = job(4, 4, IntegratorType::kPath, 4000);
     spec.integrator.max_depth = depth;

@@ -7,10 +7,12 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <sstream>
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
 #include "tests/support/render.h"
 #include "tests/support/scenes.h"
 #include "worker/photon/photon_tracer.h"
@@ -19,14 +21,13 @@
 namespace pf::test {
 namespace {
 
-constexpr double kPid = 3.14159265358979323846;
 constexpr double kBeam = 3.14159265358979323846;  // E0 of the file [W/m^2]
 
 struct Ring {
   double inner, outer, irradiance;
 };
 
-std::filesystem::path folder() { return std::filesystem::path(PF_SHARED_DIR) / "scenes/analytic"; }
+std::filesystem::path folder() { return test::shared_dir() / "scenes/analytic"; }
 
 /// The table: mean irradiance / E0 of each ring, photons that cross two interfaces only.
 std::vector<Ring> read_table() {
@@ -53,7 +54,7 @@ void add_reflections(std::vector<Ring>& rings) {
     const double r = std::abs(std::sin(place) + std::tan(direction) * (2.0 - std::cos(place)));
     for (Ring& ring : rings) {
       if (r < ring.inner || r >= ring.outer) continue;
-      ring.irradiance += flux / (kPid * (ring.outer * ring.outer - ring.inner * ring.inner));
+      ring.irradiance += flux / (std::numbers::pi * (ring.outer * ring.outer - ring.inner * ring.inner));
     }
   };
   for (int i = 0; i < kRays; ++i) {
@@ -63,11 +64,11 @@ void add_reflections(std::vector<Ring>& rings) {
     const double s = std::sin(theta_i - theta_t) / std::sin(theta_i + theta_t);
     const double p = std::tan(theta_i - theta_t) / std::tan(theta_i + theta_t);
     const double reflected = 0.5 * (s * s + p * p);
-    const double flux = 2.0 * kPid * h / kRays;
-    const double entry = kPid - theta_i;
-    land(entry, kPid - 2.0 * theta_i, flux * reflected);
+    const double flux = 2.0 * std::numbers::pi * h / kRays;
+    const double entry = std::numbers::pi - theta_i;
+    land(entry, std::numbers::pi - 2.0 * theta_i, flux * reflected);
     for (int k = 1; k <= 6; ++k) {
-      const double exit = entry - (k + 1) * (kPid - 2.0 * theta_t);
+      const double exit = entry - (k + 1) * (std::numbers::pi - 2.0 * theta_t);
       land(exit, exit - theta_i, flux * (1.0 - reflected) * (1.0 - reflected) * std::pow(reflected, k));
     }
   }
@@ -139,7 +140,7 @@ TEST_F(GlassBall, PhotonsLandInTheRingsOfTheClosedForm) {
   std::vector<double> expected;
   for (std::size_t k = 0; k < rings.size(); ++k) {
     measured.push_back(estimate(found[k]));
-    expected.push_back(kBeam * rings[k].irradiance * kPid *
+    expected.push_back(kBeam * rings[k].irradiance * std::numbers::pi *
                        (rings[k].outer * rings[k].outer - rings[k].inner * rings[k].inner));
   }
   constexpr double kFacets = 0.01;
@@ -157,7 +158,7 @@ TEST_F(GlassBall, TransmitsTheFluxOfTheClosedForm) {
   double expected = 0.0;
   for (const Ring& ring : rings_) {
     if (ring.outer <= 1.5)
-      expected += kBeam * ring.irradiance * kPid * (ring.outer * ring.outer - ring.inner * ring.inner);
+      expected += kBeam * ring.irradiance * std::numbers::pi * (ring.outer * ring.outer - ring.inner * ring.inner);
   }
   const PhotonTracer tracer(*scene_, {12, 60000, 32});
   std::vector<double> totals;
@@ -205,7 +206,7 @@ TEST_F(GlassBall, SppmShowsTheProfileOfTheClosedForm) {
         const Estimate& e = pixels[static_cast<std::size_t>(y * kSize + x)];
         measured[ring] += e.mean;
         error[ring] += e.error * e.error;
-        expected[ring] += 0.5 * kBeam / kPid * mean;
+        expected[ring] += 0.5 * kBeam / std::numbers::pi * mean;
         count[ring] += 1.0;
       }
     }

@@ -2,6 +2,7 @@
 // averaged over polarisations at each interface, t = exp(-sigma d / cos theta_t).
 
 #include <cmath>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,6 @@
 namespace pf::test {
 namespace {
 
-constexpr double kPid = 3.14159265358979323846;
 constexpr double kIor = 1.5;
 constexpr double kThickness = 0.05;
 constexpr float kHalfWidth = 16.0f;  // offsets grow with it: absorption must not
@@ -26,7 +26,7 @@ double reflectance(double cos_i) {
 }
 
 double cosine_inside(double degrees) {
-  const double sin_t = std::sin(degrees * kPid / 180.0) / kIor;
+  const double sin_t = std::sin(degrees * std::numbers::pi / 180.0) / kIor;
   return std::sqrt(1.0 - sin_t * sin_t);
 }
 
@@ -38,7 +38,7 @@ double offset_shortening(double degrees) {
 }
 
 double transmittance(double degrees, double sigma) {
-  const double cos_i = std::cos(degrees * kPid / 180.0);
+  const double cos_i = std::cos(degrees * std::numbers::pi / 180.0);
   const double cos_t = cosine_inside(degrees);
   const double r = reflectance(cos_i);
   const double t = std::exp(-sigma * kThickness / cos_t);
@@ -70,7 +70,7 @@ TEST(GlassSlab, ALampSeenThroughItIsDimmedByTheTransmittance) {
       maker.box({-kHalfWidth, 0, -kHalfWidth}, {kHalfWidth, static_cast<float>(kThickness), kHalfWidth},
                 slab_material(maker, absorbing));
       maker.quad({-1, -0.1f, -1}, {0, 0, 2}, {2, 0, 0}, maker.emitter({1, 1, 1}));
-      const double a = degrees * kPid / 180.0;
+      const double a = degrees * std::numbers::pi / 180.0;
       maker.orthographic_camera(
           {0.5f * static_cast<float>(std::sin(a)), 0.5f * static_cast<float>(std::cos(a)), 0}, {0, 0, 0},
           0.01f, 0.01f);
@@ -94,12 +94,12 @@ TEST(GlassSlab, PhotonsThroughItArriveDimmedByTheTransmittance) {
       maker.quad({-0.25f, 0, -0.25f}, {0, 0, 0.5f}, {0.5f, 0, 0}, maker.lambert({0.5f, 0.5f, 0.5f}));
       maker.box({-0.6f, 0.1f, -0.6f}, {0.6f, 0.1f + static_cast<float>(kThickness), 0.6f},
                 slab_material(maker, absorbing));
-      const double a = degrees * kPid / 180.0;
+      const double a = degrees * std::numbers::pi / 180.0;
       maker.directional_light({static_cast<float>(std::sin(a)), static_cast<float>(-std::cos(a)), 0}, 2.0f);
       maker.orthographic_camera({0, 0.05f, 0}, {0, 0, 0}, 0.15f, 0.15f);
       const auto scene = maker.build();
       JobSpec spec = job(6, 6, IntegratorType::kSppm, 10000);
-      const double expected = 0.5 / kPid * 2.0 * std::cos(a) * transmittance(degrees, sigma_of(absorbing));
+      const double expected = 0.5 / std::numbers::pi * 2.0 * std::cos(a) * transmittance(degrees, sigma_of(absorbing));
       EXPECT_TRUE(agrees(Renders(*scene, spec, 3, 6, "caustics").mean(), expected))
           << degrees << " " << absorbing;
     }

@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
 #include "tests/support/render.h"
 #include "tests/support/scenes.h"
 #include "worker/scene/gltf_loader.h"
@@ -12,7 +14,6 @@
 namespace pf::test {
 namespace {
 
-constexpr double kPid = 3.14159265358979323846;
 constexpr double kRho = 0.5;
 
 /// E / L of a polygon seen from the origin by a surface of normal n [Lambert 1760; Arvo 1995, 3.1 to 3.3].
@@ -37,7 +38,7 @@ SceneMaker floor_at_origin() {
 void expect_irradiance(const Scene& scene, double irradiance, double bias = 0.0) {
   for_each_algorithm(job(2, 2, IntegratorType::kPath, 20), [&](const char* name, const JobSpec& spec) {
     SCOPED_TRACE(name);
-    const double expected = kRho * irradiance / kPid;
+    const double expected = kRho * irradiance / std::numbers::pi;
     EXPECT_TRUE(agrees(Renders(scene, spec, 128, 6).mean(), expected, bias * expected));
   });
 }
@@ -52,7 +53,7 @@ TEST(AreaLight, ADiscOnTheAxisGivesLambertsPolygon) {
   SceneMaker maker = floor_at_origin();
   const auto corners = maker.disc({0, 1, 0}, {0, -1, 0}, 0.7f, maker.emitter({1, 1, 1}), 64);
   const double polygon = polygon_irradiance(corners, {0, 1, 0});
-  EXPECT_NEAR(polygon, kPid * 0.49 / 1.49, 0.002 * polygon);  // pi L R^2 / (R^2 + h^2) for the circle
+  EXPECT_NEAR(polygon, std::numbers::pi * 0.49 / 1.49, 0.002 * polygon);  // pi L R^2 / (R^2 + h^2) for the circle
   expect_irradiance(*maker.build(), polygon);
 }
 
@@ -62,7 +63,7 @@ TEST(AreaLight, ASphereGivesWhatItsSolidAngleSays) {
   const double d = std::sqrt(0.36 + 1.44);
   constexpr double kFacets =
       0.003;  // the inscribed polyhedron's outline encloses up to 1 - cos(pi / 96)^2 less
-  expect_irradiance(*maker.build(), kPid * 0.09 / (d * d) * (1.2 / d), kFacets);
+  expect_irradiance(*maker.build(), std::numbers::pi * 0.09 / (d * d) * (1.2 / d), kFacets);
 }
 
 TEST(AreaLight, NorisPolygonsGiveTheRadianceOfItsTests) {
@@ -71,14 +72,14 @@ TEST(AreaLight, NorisPolygonsGiveTheRadianceOfItsTests) {
     double radiance;
   } cases[] = {{"nori_polylum1.glb", 0.0898394}, {"nori_polylum2.glb", 0.02292}};
   for (const auto& [file, radiance] : cases) {
-    const auto path = std::filesystem::path(PF_SHARED_DIR) / "scenes/analytic" / file;
+    const auto path = test::shared_dir() / "scenes/analytic" / file;
     if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
     auto description = load_gltf({.file = path});
     ASSERT_TRUE(description) << description.error().message;
     auto scene = Scene::build(std::move(*description));
     ASSERT_TRUE(scene) << scene.error().message;
     SCOPED_TRACE(file);
-    expect_irradiance(**scene, radiance * kPid / kRho, 1e-4);  // digits of the published values
+    expect_irradiance(**scene, radiance * std::numbers::pi / kRho, 1e-4);  // digits of the published values
   }
 }
 
@@ -106,7 +107,7 @@ TEST(FormFactor, OfNeighbouringFacesOfACubeIsTheCataloguesValue) {
 TEST(DistantLight, AConstantEnvironmentGivesPiTimesItsRadiance) {
   SceneMaker maker = floor_at_origin();
   maker.environment({1, 1, 1});
-  expect_irradiance(*maker.build(), kPid);
+  expect_irradiance(*maker.build(), std::numbers::pi);
 }
 
 TEST(DistantLight, ADirectionalLightGivesItsIrradianceTimesTheCosine) {

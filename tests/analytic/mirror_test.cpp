@@ -3,6 +3,7 @@
 // rightly, because nothing but photons brings light from a punctual or distant lamp by a mirror.
 
 #include <cmath>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,6 @@
 namespace pf::test {
 namespace {
 
-constexpr double kPid = 3.14159265358979323846;
 
 /// Floor y = 0 of albedo 1/2 and, above it, a mirror at 45 degrees that turns light travelling along +x
 /// downwards. The camera sees floor within `half` of the origin.
@@ -29,7 +29,7 @@ void expect_caustic(const Scene& scene, double irradiance, std::int64_t photons,
   for (const ProgressiveMode mode : {ProgressiveMode::kShared, ProgressiveMode::kIndependent}) {
     JobSpec spec = job(4, 4, IntegratorType::kSppm, photons);
     spec.integrator.mode = mode;
-    const double expected = 0.5 * irradiance / kPid;
+    const double expected = 0.5 * irradiance / std::numbers::pi;
     EXPECT_TRUE(agrees(Renders(scene, spec, passes, 8, "caustics").mean(), expected, bias * expected))
         << to_string(mode);
   }

@@ -7,6 +7,7 @@
 
 #include "common/spec/job_spec.h"
 #include "jobs/submission.h"
+#include "tests/support/paths.h"
 
 namespace pf::farm_test {
 
@@ -16,8 +17,8 @@ namespace {
 
 constexpr int kUsers = 6;                  // worker-1 ... worker-6 have passwords
 constexpr std::size_t kLastBytes = 6000;   // of a process's output, when a test fails
-const fs::path kJob = fs::path(PF_SOURCE_DIR) / "jobs" / "peer-box.toml";
-const fs::path kBin = PF_BIN_DIR;
+const fs::path kJob = test::source_dir() / "jobs" / "peer-box.toml";
+const fs::path kBin = test::bin_dir();
 
 fs::path find_server() {
   const char* path = std::getenv("PATH");

@@ -5,6 +5,7 @@
 
 #include "build_id.h"
 #include "tests/farm/farm_fixture.h"
+#include "tests/support/paths.h"
 
 namespace pf::farm_test {
 namespace {
@@ -103,7 +104,7 @@ TEST_F(FarmFaults, AWorkerThatReturnsNanOrAWrongHashIsQuarantinedAndNamed) {
     EXPECT_EQ(state_of(farm_workers(), name).find("quarantined: "), 0U) << state_of(farm_workers(), name);
     EXPECT_NE(job_log(id).find(std::string(name) + " is in quarantine"), std::string::npos) << job_log(id);
   }
-  const auto listed = run_and_capture(std::filesystem::path(PF_BIN_DIR) / "photonfarm", {"workers", "--server", state_.string()}, kPatience);
+  const auto listed = run_and_capture(test::bin_dir() / "photonfarm", {"workers", "--server", state_.string()}, kPatience);
   ASSERT_TRUE(listed) << listed.error().message;
   EXPECT_NE(listed->output.find("quarantined"), std::string::npos) << listed->output;
 }

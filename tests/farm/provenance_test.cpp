@@ -12,6 +12,7 @@
 #include "common/film/image.h"
 #include "jobs/command.h"
 #include "tests/farm/farm_fixture.h"
+#include "tests/support/paths.h"
 
 namespace pf::farm_test {
 namespace {
@@ -23,7 +24,7 @@ class Provenance : public FarmFaults {
   int run(const Arguments& arguments) {
     out_.str("");
     err_.str("");
-    const Context context{PF_BIN_DIR, "/usr/bin:/bin", state_, folder_.path(), out_, err_};
+    const Context context{test::bin_dir(), "/usr/bin:/bin", state_, folder_.path(), out_, err_};
     return run_photonfarm(context, arguments);
   }
   [[nodiscard]] fs::path out() const { return folder_.path() / "out"; }
@@ -118,7 +119,7 @@ TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
 }
 
 TEST_F(Provenance, AnEstimateNamesItsRanges) {
-  const std::string job = (fs::path(PF_SOURCE_DIR) / "jobs" / "peer-box.toml").string();
+  const std::string job = (test::source_dir() / "jobs" / "peer-box.toml").string();
   ASSERT_EQ(run({"estimate", job, "--set", "image.width=32", "--set", "image.height=32", "--set",
                  "integrator.photons=2000", "--seconds", "1", "--error", "0.05", "--workers", "4", "--json"}),
             0)

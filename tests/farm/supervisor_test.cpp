@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 
 #include "tests/farm/engine_fixture.h"
+#include "tests/support/paths.h"
 
 namespace pf::farm_test {
 namespace {
@@ -56,7 +57,7 @@ class Farm : public ::testing::Test {
     fs::create_directories(state_);
     ASSERT_EQ(mkfifo((state_ / "never").c_str(), 0600), 0);
     // A copy: the command looks for its siblings where it lies itself.
-    fs::copy_file(fs::path(PF_BIN_DIR) / "photonfarm", bin_ / "photonfarm");
+    fs::copy_file(test::bin_dir() / "photonfarm", bin_ / "photonfarm");
     write_script("photonfarm-coordinator", kCoordinator);
     write_script("photonfarm-worker", kWorker);
   }

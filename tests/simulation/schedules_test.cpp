@@ -16,8 +16,6 @@ JobSpec path_job() { return job_of("path", IntegratorType::kPath, ProgressiveMod
 /// A method whose sub-passes are tiles of the image.
 JobSpec tiles_job() { return job_of("tiles", IntegratorType::kPhotonMap, ProgressiveMode::kShared, 4); }
 
-/// Simulated seconds that no schedule needs: beyond them something is stuck.
-constexpr double kStuck = 5000.0;
 
 void expect_the_single_nodes_images(World& world, const std::vector<JobSpec>& specs, std::uint64_t seed) {
   std::vector<std::string> ids;

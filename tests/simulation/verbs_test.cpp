@@ -16,7 +16,6 @@ JobSpec job(const std::string& name, int passes, IntegratorType type = Integrato
   return job_of(name, type, mode, passes);
 }
 
-constexpr double kStuck = 5000.0;
 constexpr auto kConflict = ErrorKind::kUnavailable;  // with the job's state
 
 class Verbs : public testing::Test {

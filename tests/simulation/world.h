@@ -19,6 +19,9 @@
 
 namespace pf::test {
 
+/// Simulated seconds that no schedule needs: beyond them something is stuck.
+inline constexpr double kStuck = 5000.0;
+
 /// How badly the world behaves. Probabilities are per message, rates per simulated second.
 struct Mischief {
   double drop = 0, repeat = 0, delay = 0, corrupt_chunk = 0;

@@ -17,6 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "common/base/clock.h"
+#include "tests/support/paths.h"
 #include "tests/support/render.h"
 #include "tests/support/scenes.h"
 #include "worker/render_job.h"
@@ -27,12 +28,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kEdge = 8;                ///< pixels
-constexpr std::int64_t kPhotons = 200;  ///< paths of a sub-pass
+constexpr int kImageEdge = 8;                ///< pixels
+constexpr std::int64_t kPassPhotons = 200;  ///< paths of a sub-pass
 constexpr int kNearest = 8, kGatherRays = 16;
 constexpr double kSlowSeconds = 3.0;  ///< a file that takes longer is printed
 
-fs::path scenes_folder() { return fs::path(PF_SHARED_DIR) / "scenes"; }
+fs::path scenes_folder() { return test::shared_dir() / "scenes"; }
 
 std::vector<fs::path> files_below(const fs::path& folder, const std::vector<std::string>& extensions) {
   std::vector<fs::path> files;
@@ -67,10 +68,10 @@ class Stopwatch {
 };
 
 JobSpec job_for(const fs::path& file, IntegratorType type) {
-  JobSpec spec = job(kEdge, kEdge, type, kPhotons);
+  JobSpec spec = job(kImageEdge, kImageEdge, type, kPassPhotons);
   spec.folder = file.parent_path();
   spec.scene.file = file.filename().string();
-  spec.photon_map.caustic_photons = kPhotons;
+  spec.photon_map.caustic_photons = kPassPhotons;
   spec.photon_map.nearest = spec.photon_map.caustic_nearest = kNearest;
   spec.final_gather.rays = spec.irradiance_cache.rays = kGatherRays;
   return spec;
@@ -224,7 +225,7 @@ TEST(Corpus, EnvironmentMapsLightAFloor) {
     const auto scene = Scene::build(floor_under(map).description);
     ASSERT_TRUE(scene.has_value()) << map << ": " << scene.error().message;
     for (const IntegratorType type : kConsistent) {
-      const Film film = render(**scene, job(kEdge, kEdge, type, kPhotons), 16);
+      const Film film = render(**scene, job(kImageEdge, kImageEdge, type, kPassPhotons), 16);
       const LayeredImage image = film.image();
       EXPECT_EQ(fault_of(image), "") << map;
       EXPECT_EQ(film.sums().faults.not_finite + film.sums().faults.overflow, 0u) << map;

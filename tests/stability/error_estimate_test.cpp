@@ -11,10 +11,10 @@
 namespace pf::test {
 namespace {
 
-constexpr int kEdge = 24;
+constexpr int kSide = 24;
 
 JobSpec estimating_job(IntegratorType type, std::uint64_t seed) {
-  JobSpec spec = job(kEdge, kEdge, type, 4000);
+  JobSpec spec = job(kSide, kSide, type, 4000);
   spec.integrator.error_estimate = true;
   spec.integrator.seed = seed;
   spec.integrator.max_depth = 0;
@@ -30,7 +30,7 @@ std::vector<double> luminances(const std::vector<Rgb>& pixels) {
 }
 
 std::vector<double> reference(const Scene& scene) {
-  JobSpec spec = job(kEdge, kEdge, IntegratorType::kPath);
+  JobSpec spec = job(kSide, kSide, IntegratorType::kPath);
   spec.integrator.seed = 7001;
   spec.integrator.max_depth = 0;
   return luminances(layer_of(render(scene, spec, 4096)));

@@ -17,6 +17,7 @@
 
 #include "common/film/image.h"
 #include "tests/stability/process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf::test {
@@ -27,12 +28,7 @@ namespace fs = std::filesystem;
 constexpr double kDeadline = 120.0;  ///< seconds for one run, on a machine that is busy with other tests
 constexpr int kPasses = 12;
 
-std::string contents(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
+fs::path worker_program() { return bin_dir() / "photonfarm-worker"; }
 
 /// How a run ended; `json` is standard output, parsed as one document (null when it was empty).
 struct Outcome {
@@ -48,7 +44,7 @@ struct Outcome {
 class Resume : public testing::Test {
  protected:
   [[nodiscard]] static fs::path job(const std::string& name) {
-    return fs::path(PF_SOURCE_DIR) / "jobs" / (name + ".toml");
+    return source_dir() / "jobs" / (name + ".toml");
   }
   [[nodiscard]] fs::path out(const std::string& name) const { return folder_ / name; }
 
@@ -71,8 +67,8 @@ class Resume : public testing::Test {
   Outcome finish(Process& process) {
     Outcome run;
     run.end = process.wait(kDeadline);
-    run.out = contents(process.stdout_file());
-    run.err = contents(process.stderr_file());
+    run.out = bytes_of(process.stdout_file());
+    run.err = bytes_of(process.stderr_file());
     if (!run.out.empty()) {
       run.json = nlohmann::json::parse(run.out, nullptr, false);
       EXPECT_FALSE(run.json.is_discarded()) << "standard output is not one JSON document: " << run.out;
@@ -80,7 +76,7 @@ class Resume : public testing::Test {
     return run;
   }
   Outcome run(const std::vector<std::string>& arguments, std::uint64_t max_file_bytes = 0) {
-    Process process(PF_WORKER, arguments, folder_, max_file_bytes);
+    Process process(worker_program(), arguments, folder_, max_file_bytes);
     return finish(process);
   }
   /// A run that must succeed.
@@ -142,7 +138,7 @@ TEST_F(Resume, KilledAtAnyMomentItGoesOnToTheSameBits) {
       for (int life = 0; life < 5; ++life) {
         // The last life is left alone; those before end at the n-th file made or put in place.
         FolderWatch watch(to);
-        Process process(PF_WORKER,
+        Process process(worker_program(),
                         arguments("peer-box", to, resume ? all + std::vector<std::string>{"--resume"} : all),
                         folder_);
         if (life < 4) {
@@ -168,9 +164,9 @@ TEST_F(Resume, InterruptedItLeavesACheckpointThatGoesOnToTheSameBits) {
   for (const int signal : {SIGINT, SIGTERM}) {
     const fs::path to = out(fmt::format("interrupted{}", signal));
     FolderWatch watch(folder_);
-    Process process(PF_WORKER, arguments("peer-box", to, passes(1000000)), folder_);
+    Process process(worker_program(), arguments("peer-box", to, passes(1000000)), folder_);
     while (!fs::exists(to))
-      ASSERT_TRUE(watch.wait_for_any(process, kDeadline)) << contents(process.stderr_file());
+      ASSERT_TRUE(watch.wait_for_any(process, kDeadline)) << bytes_of(process.stderr_file());
     process.signal(signal);
     const Outcome stopped = finish(process);
     EXPECT_EQ(stopped.end, ProcessEnd::exited(130)) << stopped.err;
@@ -239,7 +235,7 @@ TEST_F(Resume, ACheckpointOfAnotherJobIsRefused) {
 TEST_F(Resume, ADamagedCheckpointIsRefused) {
   render("peer-box", out("a"), passes(2));
   const fs::path file = out("a") / "peer-box.checkpoint";
-  std::string bytes = contents(file);
+  std::string bytes = bytes_of(file);
   std::mt19937 random(7);
   for (int i = 0; i < 3; ++i) {
     std::string damaged = bytes;
@@ -313,7 +309,7 @@ TEST_F(ExitCodes, AnOutputFolderThatCannotBeMadeIsTwo) {
 TEST_F(ExitCodes, JsonIsOneDocumentAndStandsBesideTheImage) {
   const Outcome r = render("cornell-box", out("a"), passes(2));
   EXPECT_TRUE(r.json.is_object());
-  EXPECT_EQ(nlohmann::json::parse(contents(out("a") / "cornell-box.json")), r.json);
+  EXPECT_EQ(nlohmann::json::parse(bytes_of(out("a") / "cornell-box.json")), r.json);
   EXPECT_TRUE(read_exr(out("a") / "cornell-box.exr").has_value());
   const Outcome plan = run({"plan", job("cornell-box").string(), "--json"});
   EXPECT_EQ(plan.end, ProcessEnd::exited(0)) << plan.err;
@@ -326,7 +322,7 @@ TEST_F(ExitCodes, AFullDiskIsFiveAndLeavesTheOldFiles) {
   const std::vector<std::string> names = {"peer-box.exr", "peer-box.png", "peer-box.json",
                                           "peer-box.checkpoint"};
   std::vector<std::string> old;
-  for (const std::string& name : names) old.push_back(contents(to / name));
+  for (const std::string& name : names) old.push_back(bytes_of(to / name));
   // The limit lets ever more files through before one does not fit.
   for (const std::string first : {"peer-box.exr", "peer-box.checkpoint"}) {
     const auto limit = static_cast<std::uint64_t>(fs::file_size(to / first)) / 2;
@@ -339,7 +335,7 @@ TEST_F(ExitCodes, AFullDiskIsFiveAndLeavesTheOldFiles) {
     EXPECT_NE(r.err.find(to.string()), std::string::npos) << r.err;
   }
   for (std::size_t i = 0; i < names.size(); ++i)
-    EXPECT_EQ(contents(to / names[i]) == old[i], true) << names[i];
+    EXPECT_EQ(bytes_of(to / names[i]) == old[i], true) << names[i];
   std::size_t files = 0;
   for (const auto& entry : fs::directory_iterator(to)) {
     ++files;
@@ -354,12 +350,12 @@ TEST_F(ExitCodes, AFullDiskIsFiveAndLeavesTheOldFiles) {
 TEST_F(ExitCodes, AnImageThatDoesNotFitIsFiveAndLeavesTheOldOne) {
   const fs::path to = out("a");
   render("peer-box", to, passes(2));
-  const std::string old = contents(to / "peer-box.exr");
+  const std::string old = bytes_of(to / "peer-box.exr");
   // The checkpoint is not written before the image, so the image is the first that does not fit.
   const Outcome r = run(arguments("peer-box", to, passes(3)), old.size() / 2);
   EXPECT_EQ(r.end, ProcessEnd::exited(5)) << r.err;
   EXPECT_NE(r.err.find("peer-box.exr"), std::string::npos) << r.err;
-  EXPECT_TRUE(contents(to / "peer-box.exr") == old);
+  EXPECT_TRUE(bytes_of(to / "peer-box.exr") == old);
 }
 
 }  // namespace

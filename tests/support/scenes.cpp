@@ -217,6 +217,13 @@ SceneMaker diffuse_box() {
   return maker;
 }
 
+SceneMaker bare_floor() {
+  SceneMaker maker;
+  maker.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, maker.lambert({0.5f, 0.5f, 0.5f}));
+  maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
+  return maker;
+}
+
 SceneMaker furnace_box() {
   SceneMaker maker;
   maker.box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, maker.emitter({1, 1, 1}, {0.5f, 0.5f, 0.5f}), true);

@@ -55,6 +55,8 @@ class SceneMaker {
 [[nodiscard]] SceneMaker peer_box(int rings = 128);
 /// The same room with nothing but diffuse walls and a diffuse block.
 [[nodiscard]] SceneMaker diffuse_box();
+/// A grey floor seen from above, without a lamp.
+[[nodiscard]] SceneMaker bare_floor();
 
 /// A furnace seen into a corner: walls of radiance 1 and albedo 1/2, which look 2 everywhere.
 [[nodiscard]] SceneMaker furnace_box();

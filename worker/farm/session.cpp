@@ -17,8 +17,6 @@ constexpr double kRepeatSeconds = 2.0;     ///< a question without an answer is 
 constexpr double kDrainSeconds = 60.0;     ///< a result that nobody takes is given up then
 constexpr std::size_t kRememberedJobs = 64;
 
-BlobId id_of(const wire::Blob& blob) { return {sha256_hex_of_bytes(blob.sha256()), blob.bytes()}; }
-
 }  // namespace
 
 Session::Session(SessionOptions options, WorkerPort& port, Executor& executor, BlobStore& blobs, const Clock& clock,

@@ -12,8 +12,6 @@ namespace {
 
 constexpr double kDiskPauseSeconds = 2.0;  ///< between tries of a worker whose own disk is full
 
-BlobId id_of(const wire::Blob& blob) { return {sha256_hex_of_bytes(blob.sha256()), blob.bytes()}; }
-
 }  // namespace
 
 bool Session::have(const BlobId& blob) {

@@ -34,10 +34,8 @@ TracedPhotons::TracedPhotons(const Scene& scene, const JobSpec& spec, Purpose pu
   const bool caustics = purpose == Purpose::kCaustics;
   if (caustics && spec.photon_map.caustic_map == Switch::kOff) return;
   const auto projection = projection_of(scene, spec, purpose);
-  PhotonOptions options;
-  options.seed = spec.integrator.seed;
-  options.paths =
-      static_cast<std::uint32_t>(caustics ? spec.photon_map.caustic_photons : photon_paths(spec));
+  PhotonOptions options = photon_options(spec);
+  if (caustics) options.paths = static_cast<std::uint32_t>(spec.photon_map.caustic_photons);
   options.max_depth = max_depth;
   options.direct = !caustics;
   options.caustics_only = caustics;

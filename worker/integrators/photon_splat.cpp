@@ -20,10 +20,6 @@ constexpr float kLeastFootprints = 0.75f;
 constexpr std::uint32_t kChunkPaths = 1024;
 constexpr std::uint32_t kBatchChunks = 32;
 
-PhotonOptions photon_options(const JobSpec& spec) {
-  return {spec.integrator.seed, static_cast<std::uint32_t>(photon_paths(spec)), spec.integrator.max_depth};
-}
-
 }  // namespace
 
 /// What photon rays brought to a sample: irradiance where it is Lambert, else reflected radiance.

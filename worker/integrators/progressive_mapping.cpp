@@ -29,10 +29,6 @@ DiscQuery query_at(const Vertex& vertex, float radius2) {
   return {vertex.point.position, vertex.bsdf.ng(), radius2, vertex.transmissive && !vertex.bsdf.gather_is_lambert()};
 }
 
-PhotonOptions photon_options(const JobSpec& spec) {
-  return {spec.integrator.seed, static_cast<std::uint32_t>(photon_paths(spec)), spec.integrator.max_depth};
-}
-
 }  // namespace
 
 ProgressiveMapping::ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec,

@@ -142,7 +142,7 @@ const MapKernels& map_kernels_avx2() {
 }
 
 namespace {
-const MapKernels& kernels(PhotonTree::Isa isa) {
+const MapKernels& brick_kernels(PhotonTree::Isa isa) {
   return isa == PhotonTree::Isa::kAvx512 ? map_kernels_avx512() : map_kernels_avx2();
 }
 }  // namespace
@@ -164,13 +164,13 @@ void PhotonMap::nearest(const NearestQuery& query, NearestPhotons& found) const 
     found.index.resize(room);
     found.distance2.resize(room);
   }
-  if (!empty()) return kernels(isa_).nearest(bricks_, query, found);
+  if (!empty()) return brick_kernels(isa_).nearest(bricks_, query, found);
   found.count = 0;
   found.radius2 = query.max_distance2;
 }
 
 std::uint32_t PhotonMap::nearest_one(const NearestQuery& query) const {
-  return empty() ? 0 : kernels(isa_).nearest_one(bricks_, query);
+  return empty() ? 0 : brick_kernels(isa_).nearest_one(bricks_, query);
 }
 
 float PhotonMap::distance2(const NearestQuery& query, std::uint32_t index) const {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/parallel.h"
+#include "common/spec/job_spec.h"
 #include "worker/bsdf/lambert_lanes.h"
 #include "worker/photon/photon_lanes.h"
 #include "worker/photon/photon_path.h"
@@ -40,6 +41,10 @@ struct PhotonTracer::Walk {
     ray.direction = wi;
   }
 };
+
+PhotonOptions photon_options(const JobSpec& spec) {
+  return {spec.integrator.seed, static_cast<std::uint32_t>(photon_paths(spec)), spec.integrator.max_depth};
+}
 
 PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
     : scene_(scene),

@@ -12,6 +12,7 @@
 namespace pf {
 
 class ProjectionMap;
+struct JobSpec;
 struct PhotonLanes;
 struct PhotonNumbers;
 
@@ -23,6 +24,9 @@ struct PhotonOptions {
   bool caustics_only = false;    ///< a path ends where it scatters other than sharply, and only kCaustic is kept
   const ProjectionMap* projection = nullptr;  ///< emit only towards surfaces that matter; outlives the tracer
 };
+
+/// What a job asks for: its seed, photons and depth.
+[[nodiscard]] PhotonOptions photon_options(const JobSpec& spec);
 
 /// Photons of one sub-pass, by flow, and what tracing them took.
 struct PhotonBatch {

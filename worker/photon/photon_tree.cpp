@@ -201,19 +201,19 @@ PhotonTree::Isa PhotonTree::best_isa() {
 }
 
 namespace {
-const GatherKernels& kernels(PhotonTree::Isa isa) {
+const GatherKernels& tree_kernels(PhotonTree::Isa isa) {
   return isa == PhotonTree::Isa::kAvx512 ? gather_kernels_avx512() : gather_kernels_avx2();
 }
 }  // namespace
 
 std::uint32_t PhotonTree::count(const DiscQuery& query) const {
-  return count_ == 0 ? 0 : kernels(isa_).count(*this, query);
+  return count_ == 0 ? 0 : tree_kernels(isa_).count(*this, query);
 }
 FluxSum PhotonTree::sum_flux(const DiscQuery& query) const {
-  return count_ == 0 ? FluxSum{} : kernels(isa_).sum_flux(*this, query);
+  return count_ == 0 ? FluxSum{} : tree_kernels(isa_).sum_flux(*this, query);
 }
 void PhotonTree::collect(const DiscQuery& query, std::vector<std::uint32_t>& indices) const {
-  if (count_ != 0) kernels(isa_).collect(*this, query, indices);
+  if (count_ != 0) tree_kernels(isa_).collect(*this, query, indices);
 }
 
 }  // namespace pf

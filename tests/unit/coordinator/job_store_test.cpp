@@ -6,6 +6,7 @@
 
 #include "common/base/atomic_file.h"
 #include "coordinator/store/schema.h"
+#include "tests/support/paths.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf {
@@ -213,7 +214,7 @@ TEST_F(JobStoreTest, AFileThatIsNoDatabaseIsInvalidInputAndOneOfALaterSchemaIsUs
 
 TEST_F(JobStoreTest, AFileOfVersionOneIsBroughtUpToDateAndLosesNothing) {
   // Written by the program of the first version; tests/unit/coordinator/farm-v1.sql says how.
-  const auto sql = read_file(std::filesystem::path(PF_SOURCE_DIR) / "tests/unit/coordinator/farm-v1.sql", 1 << 20);
+  const auto sql = read_file(test::source_dir() / "tests/unit/coordinator/farm-v1.sql", 1 << 20);
   ASSERT_TRUE(sql) << sql.error().message;
   {
     const auto database = Database::open(file_);

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "common/base/atomic_file.h"
+#include "tests/support/paths.h"
 
 namespace pf::test {
 namespace {
@@ -71,7 +72,7 @@ TEST(Metrics, EveryLineIsOfTheFormatAndEveryMetricIsDescribedOnce) {
 
 TEST(Metrics, DashboardAndAlertsNameOnlyWhatThereIs) {
   const std::set<std::string> known = names_in(some_text());
-  const std::filesystem::path folder = std::filesystem::path(PF_SOURCE_DIR) / "deploy" / "prometheus";
+  const std::filesystem::path folder = test::source_dir() / "deploy" / "prometheus";
   std::set<std::string> shown;
   for (const char* file : {"grafana-dashboard.json", "photonfarm.rules.yml"}) {
     const auto text = read_file(folder / file, 1 << 20);

@@ -38,11 +38,6 @@ Film some_film(Estimator estimator) {
   return film;
 }
 
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
 TEST(ImageRows, OfAFilmAreTheWholeImageInAnyBlocks) {
   for (const Estimator estimator : {Estimator::kPath, Estimator::kShared, Estimator::kIndependent}) {
     const Film film = some_film(estimator);

@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 #include <png.h>
 
+#include "tests/support/paths.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf {
@@ -32,11 +33,6 @@ class ImageFile : public testing::Test {
   TempFolder temp_;
   const fs::path& folder_ = temp_.path();
 };
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
 
 void put_bytes(const fs::path& file, const std::string& bytes) {
   std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
@@ -212,7 +208,7 @@ std::vector<fs::path> files_below(const fs::path& folder) {
 }
 
 TEST(PublishedExr, EveryValidFileLoads) {
-  const fs::path folder = fs::path(PF_SHARED_DIR) / "scenes/exr";
+  const fs::path folder = test::shared_dir() / "scenes/exr";
   if (!fs::exists(folder)) GTEST_SKIP() << folder << " is absent";
   std::size_t loaded = 0;
   for (const fs::path& file : files_below(folder)) {
@@ -231,7 +227,7 @@ TEST(PublishedExr, EveryValidFileLoads) {
 }
 
 TEST(PublishedExr, NoDamagedFileCrashesOrHangs) {
-  const fs::path folder = fs::path(PF_SHARED_DIR) / "scenes/invalid/exr";
+  const fs::path folder = test::shared_dir() / "scenes/invalid/exr";
   if (!fs::exists(folder)) GTEST_SKIP() << folder << " is absent";
   const std::vector<fs::path> files = files_below(folder);
   std::size_t refused = 0;

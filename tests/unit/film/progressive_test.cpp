@@ -191,8 +191,7 @@ TEST_F(Checkpoint, OfAnotherJobIsRefused) {
 
 TEST_F(Checkpoint, DamagedAnywhereIsRefused) {
   ASSERT_TRUE(some_film().save(file_, "job a"));
-  std::ifstream in(file_, std::ios::binary);
-  const std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  const std::string bytes = bytes_of(file_);
   for (std::size_t i = 0; i < bytes.size(); i += 7) {
     std::string broken = bytes;
     broken[i] = static_cast<char>(broken[i] ^ 0x10);

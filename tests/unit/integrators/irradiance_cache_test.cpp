@@ -17,7 +17,7 @@
 namespace pf::test {
 namespace {
 
-JobSpec small(int width = 32, int height = 24) {
+JobSpec small_cache(int width = 32, int height = 24) {
   JobSpec spec = job(width, height, IntegratorType::kIrradianceCache);
   spec.irradiance_cache.source = GatherSource::kPath;
   spec.irradiance_cache.rays = 64;
@@ -37,7 +37,7 @@ TEST(IrradianceCaching, GivesTheSameBitsOnOneTwoAndFiveThreads) {
                                       static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     std::vector<Rgb> image;
-    arena.execute([&] { image = layer_of(render(*look(*scene, small()), 3)); });
+    arena.execute([&] { image = layer_of(render(*look(*scene, small_cache()), 3)); });
     if (threads == 1) one = image;
     ASSERT_EQ(image.size(), one.size());
     EXPECT_EQ(std::memcmp(image.data(), one.data(), one.size() * sizeof(Rgb)), 0) << threads;
@@ -46,7 +46,7 @@ TEST(IrradianceCaching, GivesTheSameBitsOnOneTwoAndFiveThreads) {
 
 TEST(IrradianceCaching, AddsUpToTheSameSumsHoweverUnitsAreCut) {
   const auto scene = diffuse_box().build();
-  const auto integrator = look(*scene, small());
+  const auto integrator = look(*scene, small_cache());
   const auto sums = [&](std::vector<WorkUnit> units) {
     Statistics all(32, 24, true, true);
     for (const WorkUnit& unit : units) integrator->run(unit, {}, all);
@@ -63,7 +63,7 @@ TEST(IrradianceCaching, AddsUpToTheSameSumsHoweverUnitsAreCut) {
 
 TEST(IrradianceCaching, MarksEveryRecordItMadeOnce) {
   const auto scene = diffuse_box().build();
-  const auto integrator = look(*scene, small());
+  const auto integrator = look(*scene, small_cache());
   const Film film = render(*integrator, 2);
   std::int64_t marks = 0;
   for (const ExtraSums& extra : film.sums().extras) marks += extra.marks;
@@ -75,7 +75,7 @@ TEST(IrradianceCaching, MarksEveryRecordItMadeOnce) {
 
 TEST(IrradianceCaching, LeavesFewSamplesWithoutARecord) {
   const auto scene = diffuse_box().build();
-  const auto integrator = look(*scene, small(64, 64));
+  const auto integrator = look(*scene, small_cache(64, 64));
   static_cast<void>(render(*integrator, 16));
   // Samples that the overture has not seen: antialiased edges, and what a radius that shrank later no longer
   // covers.
@@ -88,7 +88,7 @@ TEST(IrradianceCaching, PutsRecordsIntoCornersRatherThanOntoWalls) {
   maker.quad({-0.5f, 0.99f, -0.5f}, {1, 0, 0}, {0, 0, 1}, maker.emitter({5, 5, 5}));
   maker.camera({0, 0, 0.95f}, {0, 0, -1}, 1.2f);
   const auto scene = maker.build();
-  JobSpec spec = small(96, 96);
+  JobSpec spec = small_cache(96, 96);
   spec.irradiance_cache.rays = 256;
   std::array<int, 2> placed{};
   const auto integrator = look(*scene, spec);
@@ -106,13 +106,13 @@ TEST(IrradianceCaching, SpacesRecordsBetweenItsBoundsInPixels) {
   const auto scene = diffuse_box().build();
   std::uint64_t before = ~0ull;
   for (const double spacing : {1.0, 4.0, 12.0}) {
-    JobSpec spec = small(64, 64);
+    JobSpec spec = small_cache(64, 64);
     spec.irradiance_cache.min_spacing = spacing;
     const std::uint64_t records = look(*scene, spec)->figures().records;
     EXPECT_LT(records, before);
     before = records;
   }
-  JobSpec tight = small(64, 64), wide = tight;
+  JobSpec tight = small_cache(64, 64), wide = tight;
   tight.irradiance_cache.max_spacing = 3.0;
   wide.irradiance_cache.error = tight.irradiance_cache.error = 0.5;
   EXPECT_GT(look(*scene, tight)->figures().records, 2 * look(*scene, wide)->figures().records);

@@ -14,7 +14,7 @@
 namespace pf::test {
 namespace {
 
-JobSpec small(SplatKernel kernel = SplatKernel::kEpanechnikov, bool differentials = true) {
+JobSpec small_splat(SplatKernel kernel = SplatKernel::kEpanechnikov, bool differentials = true) {
   JobSpec spec = job(40, 24, IntegratorType::kPhotonSplat, 6000);
   spec.photon_splat.kernel = kernel;
   spec.photon_splat.differentials = differentials;
@@ -63,7 +63,7 @@ TEST(PhotonSplat, LosesNoLightAtTheFootOfAWall) {
 
 TEST(PhotonSplat, OneTwoAndFiveThreadsGiveTheSameSums) {
   const auto scene = mixed_scene();
-  const PhotonSplatIntegrator integrator(*scene, scene->cameras().front(), small());
+  const PhotonSplatIntegrator integrator(*scene, scene->cameras().front(), small_splat());
   const auto on_threads = [&](int threads) {
     const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     Statistics sums;
@@ -79,7 +79,7 @@ TEST(PhotonSplat, OneTwoAndFiveThreadsGiveTheSameSums) {
 
 TEST(PhotonSplat, SubPassesAddUpWhoeverRunsThem) {
   const auto scene = mixed_scene();
-  const PhotonSplatIntegrator integrator(*scene, scene->cameras().front(), small());
+  const PhotonSplatIntegrator integrator(*scene, scene->cameras().front(), small_splat());
   const Statistics whole = sums_of(integrator, 0, 3);
   Statistics parts = sums_of(integrator, 2, 1);
   ASSERT_TRUE(parts.add(sums_of(integrator, 0, 2)));
@@ -88,12 +88,12 @@ TEST(PhotonSplat, SubPassesAddUpWhoeverRunsThem) {
 
 TEST(PhotonSplat, EveryOptionChangesThePictureAndLeavesNoFaults) {
   const auto scene = mixed_scene();
-  JobSpec smooth = small(), other_seed = small();
+  JobSpec smooth = small_splat(), other_seed = small_splat();
   smooth.photon_splat.smoothing = 2.0;
   other_seed.integrator.seed = 2;
   std::vector<std::vector<PixelSums>> pictures;
-  for (const JobSpec& spec : {small(), small(SplatKernel::kCone), small(SplatKernel::kGaussian),
-                              small(SplatKernel::kEpanechnikov, false), smooth, other_seed}) {
+  for (const JobSpec& spec : {small_splat(), small_splat(SplatKernel::kCone), small_splat(SplatKernel::kGaussian),
+                              small_splat(SplatKernel::kEpanechnikov, false), smooth, other_seed}) {
     const PhotonSplatIntegrator integrator(*scene, scene->cameras().front(), spec);
     const Statistics sums = sums_of(integrator, 0, 1);
     EXPECT_EQ(sums.faults.not_finite, 0u);
@@ -116,9 +116,9 @@ TEST(PhotonSplat, KeepsLightThatHasNotScatteredToTheEye) {
   maker.quad({-0.2f, 1, -0.2f}, {0.4f, 0, 0}, {0, 0, 0.4f}, maker.emitter({5, 5, 5}));
   maker.camera({0, 1, 2}, {0, 0, 0}, 0.8f);
   const auto scene = maker.build();
-  EXPECT_GT(mean_of(*scene, small(), "direct"), 0.0);
-  EXPECT_EQ(mean_of(*scene, small(), "caustics"), 0.0);
-  EXPECT_EQ(mean_of(*scene, small(), "indirect"), 0.0);
+  EXPECT_GT(mean_of(*scene, small_splat(), "direct"), 0.0);
+  EXPECT_EQ(mean_of(*scene, small_splat(), "caustics"), 0.0);
+  EXPECT_EQ(mean_of(*scene, small_splat(), "indirect"), 0.0);
 }
 
 TEST(PhotonSplat, TellsCausticsFromOtherIndirectLight) {
@@ -130,7 +130,7 @@ TEST(PhotonSplat, TellsCausticsFromOtherIndirectLight) {
     maker.spot_light({0, 1, 0}, {0, 1, 0}, 1.0f, 0.9f, 0.8f);
     maker.camera({0, 1.5f, 0.01f}, {0, 0, 0}, 0.5f);
     const auto scene = maker.build();
-    const double caustics = mean_of(*scene, small(), "caustics"), indirect = mean_of(*scene, small(), "indirect");
+    const double caustics = mean_of(*scene, small_splat(), "caustics"), indirect = mean_of(*scene, small_splat(), "indirect");
     if (mirror) {
       EXPECT_GT(caustics, 100.0 * indirect);
     } else {
@@ -145,11 +145,11 @@ TEST(PhotonSplat, ASceneWithoutSurfacesOrWithoutLightIsRendered) {
   dark.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, dark.lambert({0, 0, 0}));
   dark.point_light({0, 1, 0}, 1.0f);
   dark.camera({0, 1, 2}, {0, 0, 0}, 0.8f);
-  EXPECT_EQ(mean_of(*dark.build(), small(), ""), 0.0);
+  EXPECT_EQ(mean_of(*dark.build(), small_splat(), ""), 0.0);
   SceneMaker away = dark;
   away.description.cameras.clear();
   away.camera({0, 1, 2}, {0, 5, 9}, 0.3f);  // sees nothing at all
-  EXPECT_EQ(mean_of(*away.build(), small(), ""), 0.0);
+  EXPECT_EQ(mean_of(*away.build(), small_splat(), ""), 0.0);
 }
 
 }  // namespace

@@ -20,11 +20,6 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using test::FakeJobService;
 
-std::string bytes_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 class ClientCommands : public test::ServiceFixture {
  protected:
   void SetUp() override {

@@ -28,10 +28,7 @@ class PhotonfarmCommand : public testing::Test {
     const Context context{folder_, "/usr/bin:/bin", folder_ / "state", folder_, out_, err_};
     return run_photonfarm(context, arguments);
   }
-  [[nodiscard]] std::string read(const std::string& name) const {
-    std::ifstream file(folder_ / name);
-    return {std::istreambuf_iterator<char>(file), {}};
-  }
+  [[nodiscard]] std::string read(const std::string& name) const { return bytes_of(folder_ / name); }
 
   TempFolder temp_;
   const fs::path& folder_ = temp_.path();

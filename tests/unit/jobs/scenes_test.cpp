@@ -23,6 +23,7 @@
 #include "common/spec/job_spec.h"
 #include "jobs/scenes/generate/mesh.h"
 #include "jobs/scenes/generate/profile.h"
+#include "tests/support/paths.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf::scenes {
@@ -30,13 +31,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kJobs = fs::path(PF_SOURCE_DIR) / "jobs";
+const fs::path kJobs = test::source_dir() / "jobs";
 constexpr std::size_t kLargestFile = 1'400'000;  // bytes; the repository stays small
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
 
 tinygltf::Model load(const Recipe& recipe) {
   tinygltf::Model model;

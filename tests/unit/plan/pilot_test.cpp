@@ -21,13 +21,6 @@ std::string text_of(const Pilot& pilot) {
 }
 
 /// A floor of 4 m under a camera that sees nearly all of it.
-SceneMaker floor() {
-  SceneMaker maker;
-  maker.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, maker.lambert({0.5f, 0.5f, 0.5f}));
-  maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
-  return maker;
-}
-
 TEST(Pilot, IsTheSameOnAnyNumberOfThreads) {
   const SceneMaker maker = peer_box(24);
   std::vector<std::string> found;
@@ -49,7 +42,7 @@ TEST(Pilot, DoesNotHangOnTheJobsSeedOrStop) {
 }
 
 TEST(Pilot, CountsPhotonsThatMeetNothing) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.point_light({0, 1, 0}, 1);
   // The floor fills this part of the sphere around the lamp: a square pyramid of half angles atan(2).
   const double seen = 4 * std::asin(4.0 / 5.0) / (4 * 3.14159265358979);
@@ -57,7 +50,7 @@ TEST(Pilot, CountsPhotonsThatMeetNothing) {
 }
 
 TEST(Pilot, SeesThatALampWithoutSizeMakesCausticsThatPathsMiss) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
   maker.directional_light({0, -1, 0}, 1);
   const Pilot pilot = flown(maker);
@@ -68,7 +61,7 @@ TEST(Pilot, SeesThatALampWithoutSizeMakesCausticsThatPathsMiss) {
 }
 
 TEST(Pilot, SeesThatPathsFindTheCausticsOfTheSky) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
   maker.environment({1, 1, 1});
   const Pilot pilot = flown(maker);
@@ -83,7 +76,7 @@ TEST(Pilot, TellsWhatIsSeenFirst) {
   maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
   maker.point_light({0, 1, 0}, 1);
   EXPECT_DOUBLE_EQ(flown(maker).specular, 1);
-  SceneMaker diffuse = floor();
+  SceneMaker diffuse = bare_floor();
   diffuse.point_light({0, 1, 0}, 1);
   const Pilot pilot = flown(diffuse);
   EXPECT_EQ(pilot.specular + pilot.glossy, 0);
@@ -91,7 +84,7 @@ TEST(Pilot, TellsWhatIsSeenFirst) {
 }
 
 TEST(Pilot, MeasuresTheNoiseOfDirectLightFromASampleToTheNext) {
-  SceneMaker steady = floor();
+  SceneMaker steady = bare_floor();
   steady.directional_light({0, -1, 0}, 1);
   EXPECT_LT(flown(steady).direct_noise, 0.05);  // the floor's edge alone
   EXPECT_GT(flown(diffuse_box()).path_noise, flown(diffuse_box()).direct_noise);

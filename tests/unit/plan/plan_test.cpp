@@ -30,13 +30,6 @@ bool weighs(const Plan& plan, IntegratorType method) {
 }
 
 /// A floor of 4 m under a camera that sees nearly all of it.
-SceneMaker floor() {
-  SceneMaker maker;
-  maker.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, maker.lambert({0.5f, 0.5f, 0.5f}));
-  maker.camera({0, 4, 0.01f}, {0, 0, 0}, 0.9f);
-  return maker;
-}
-
 /// A pilot of a plain scene, half of whose light is indirect: tests change what shall decide.
 Pilot plain_pilot() {
   Pilot pilot;
@@ -58,7 +51,7 @@ Pilot plain_pilot() {
 Plan planned(const Pilot& pilot, const JobSpec& spec = auto_job()) { return make_plan(spec, SceneFacts{}, pilot); }
 
 TEST(Plan, TracesPathsUnderTheOpenSky) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.environment({1, 1, 1});
   const Plan plan = planned(maker);
   EXPECT_EQ(plan.algorithm, IntegratorType::kPath);
@@ -73,21 +66,21 @@ TEST(Plan, TracesPhotonsWhereLightGoesFromWallToWall) {
 }
 
 TEST(Plan, TracesPhotonsWhereALampWithoutSizeMeetsGlass) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
   maker.directional_light({0, -1, 0}, 1);
   const Plan plan = planned(maker);
   EXPECT_EQ(plan.algorithm, IntegratorType::kSppm);
   EXPECT_TRUE(plan.caustic_map);
   EXPECT_NE(decision(plan, "algorithm").reason.find("lamps without size"), std::string::npos);
-  SceneMaker sky = floor();
+  SceneMaker sky = bare_floor();
   sky.sphere({0, 1, 0}, 0.4f, sky.glass(1.5f), 32);
   sky.environment({1, 1, 1});
   EXPECT_EQ(planned(sky).algorithm, IntegratorType::kPath);
 }
 
 TEST(Plan, TracesPhotonsWhereALampStandsInGlass) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   const int lamp = maker.emitter({1000, 1000, 1000});
   maker.sphere({0, 1, 0}, 0.01f, lamp, 8);
   maker.environment({0.01f, 0.01f, 0.01f});
@@ -97,7 +90,7 @@ TEST(Plan, TracesPhotonsWhereALampStandsInGlass) {
 }
 
 TEST(Plan, MakesACausticMapOnlyWhereLightMeetsAMirrorFirst) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.directional_light({0, -1, 0}, 1);
   const JobSpec spec = auto_job(IntegratorType::kSppm);
   EXPECT_FALSE(planned(maker, spec).caustic_map);
@@ -116,7 +109,7 @@ TEST(Plan, AimsPhotonsOnlyWhereTheLampsSeeLittle) {
   pilot.lost = 0.21;
   EXPECT_TRUE(planned(pilot, spec).projection_map);
   EXPECT_EQ(planned(pilot, spec).resolve(spec).photon_map.projection_map, Switch::kAuto);
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.point_light({0, 1, 0}, 1);
   EXPECT_TRUE(planned(maker, spec).projection_map);
   EXPECT_FALSE(planned(maker, auto_job(IntegratorType::kSppm)).projection_map);  // gains less than it costs
@@ -165,7 +158,7 @@ TEST(Plan, NeverTracesPathsWhereTheyMissWhatShows) {
 }
 
 TEST(Plan, KeepsWhatTheJobSaysOutright) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.directional_light({0, -1, 0}, 1);
   JobSpec spec = auto_job(IntegratorType::kPhotonMap);
   spec.photon_map.caustic_map = Switch::kOn;
@@ -183,7 +176,7 @@ TEST(Plan, KeepsWhatTheJobSaysOutright) {
 }
 
 TEST(Plan, SwitchesOnOnlyTheTermsThatTheSceneNeeds) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.point_light({0, 5, 0}, 1);
   const Plan bare = planned(maker);
   EXPECT_FALSE(bare.environment || bare.textures || bare.normal_maps || bare.alpha || bare.rough_lobes ||
@@ -210,7 +203,7 @@ TEST(Plan, GivesEveryDecisionAReason) {
 }
 
 TEST(Plan, WarnsOfASceneWithoutLight) {
-  const Plan plan = planned(floor());
+  const Plan plan = planned(bare_floor());
   ASSERT_EQ(plan.warnings.size(), 1U);
   EXPECT_NE(plan.warnings[0].find("has no light"), std::string::npos);
 }
@@ -225,7 +218,7 @@ TEST(Plan, DoesNotChangeWithTheLengthOfTheJob) {
 }
 
 TEST(Plan, ReadsTheSameInWordsAndAsJson) {
-  SceneMaker maker = floor();
+  SceneMaker maker = bare_floor();
   maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
   maker.point_light({0, 5, 0}, 1);
   const JobSpec spec = auto_job();

@@ -1,3 +1,4 @@
+#include "tests/support/paths.h"
 #include "worker/scene/environment.h"
 
 #include <chrono>
@@ -162,7 +163,7 @@ TEST(Environment, EveryRandomNumberGivesADirectionThatEvaluationFindsAgain) {
 }
 
 TEST(Environment, ReadsTheTestMaps) {
-  const std::filesystem::path folder = std::filesystem::path(PF_SHARED_DIR) / "scenes/env";
+  const std::filesystem::path folder = test::shared_dir() / "scenes/env";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no test maps";
   for (const char* name :
        {"royal_esplanade_256/royal_esplanade_256.hdr", "royal_esplanade_1k/royal_esplanade_1k.hdr",
@@ -188,7 +189,7 @@ TEST(Environment, ReadsTheTestMaps) {
 }
 
 TEST(Environment, DecodesRunLengthsOfAnEightPixelMap) {
-  const std::string file = std::string(PF_SHARED_DIR) + "/scenes/env/simple-rle/simple-rle.hdr";
+  const std::string file = (test::shared_dir() / "scenes/env/simple-rle/simple-rle.hdr").string();
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no test maps";
   const EnvironmentMap map = load(file);
   // First row: runs of (255, 0, 136, 129): 255/128, 0, 136/128. Second row: r = 0..7, g = 10, b = 20, e =
@@ -222,7 +223,7 @@ TEST(Environment, NamesTheFileThatItCannotRead) {
 }
 
 TEST(Environment, TakesNonFiniteAndNegativePixelsAsBlackAndSaysSo) {
-  const std::string file = std::string(PF_SHARED_DIR) + "/scenes/exr/TestImages/BrightRingsNanInf.exr";
+  const std::string file = (test::shared_dir() / "scenes/exr/TestImages/BrightRingsNanInf.exr").string();
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no test images";
   std::vector<std::string> warnings;
   const auto map = EnvironmentMap::load({file, Rgb(1.0f)}, warnings);
@@ -233,7 +234,7 @@ TEST(Environment, TakesNonFiniteAndNegativePixelsAsBlackAndSaysSo) {
 }
 
 TEST(Environment, SurvivesDamagedExrFiles) {
-  const std::filesystem::path folder = std::filesystem::path(PF_SHARED_DIR) / "scenes/invalid/exr";
+  const std::filesystem::path folder = test::shared_dir() / "scenes/invalid/exr";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no damaged files";
   int files = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/paths.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace pf {
@@ -18,7 +19,7 @@ namespace fs = std::filesystem;
 
 std::vector<fs::path> bad_files() {
   std::vector<fs::path> out;
-  for (const auto& entry : fs::directory_iterator(fs::path(PF_SOURCE_DIR) / "tests/unit/scene/bad_gltf")) {
+  for (const auto& entry : fs::directory_iterator(test::source_dir() / "tests/unit/scene/bad_gltf")) {
     if (entry.path().extension() == ".gltf") out.push_back(entry.path());
   }
   std::sort(out.begin(), out.end());

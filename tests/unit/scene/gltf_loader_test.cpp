@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
 #include "tests/unit/scene/gltf_builder.h"
 #include "tests/support/temp_folder.h"
 
@@ -21,7 +22,7 @@ const std::string kPng =
     "data:image/png;base64,"
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVQYV2P4z/AfAAQAAf+I0P3MAAAAAElFTkSuQmCC";
 
-GltfBuilder triangle() {
+GltfBuilder one_triangle() {
   GltfBuilder b;
   const int position = b.floats(kTriangle, "VEC3", 3);
   b.primitive({{"POSITION", position}});
@@ -39,7 +40,7 @@ void expect_near(const Vec3f& a, const Vec3f& b) {
 }
 
 TEST(GltfNodes, ChildTransformsComeBeforeTheirParents) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   const float h = std::sqrt(0.5f);
   b.json["nodes"] = {{{"children", {1}}, {"translation", {10, 0, 0}}},
                      {{"mesh", 0}, {"rotation", {0, 0, h, h}}, {"scale", {2, 1, 1}}}};
@@ -50,20 +51,20 @@ TEST(GltfNodes, ChildTransformsComeBeforeTheirParents) {
 }
 
 TEST(GltfNodes, MatrixIsReadColumnAfterColumn) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["nodes"] = {{{"mesh", 0}, {"matrix", {0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 4, 5, 6, 1}}}};
   const SceneDescription scene = load(b);
   expect_near(Vec3f(1, 0, 0) * scene.instances.at(0).object_to_world, Vec3f(4, 6, 6));
 }
 
 TEST(GltfNodes, NegativeScaleKeepsItsDeterminant) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["nodes"][0]["scale"] = {-1, 1, 1};
   EXPECT_LT(load(b).instances.at(0).object_to_world.determinant(), 0.0f);
 }
 
 TEST(GltfNodes, MeshOfTwoNodesIsOneMeshWithTwoInstances) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["nodes"].push_back({{"mesh", 0}, {"translation", {0, 0, 1}}});
   b.json["scenes"][0]["nodes"] = {0, 1};
   const SceneDescription scene = load(b);
@@ -73,7 +74,7 @@ TEST(GltfNodes, MeshOfTwoNodesIsOneMeshWithTwoInstances) {
 }
 
 TEST(GltfNodes, GpuInstancingPlacesTheMeshOncePerElement) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.use("EXT_mesh_gpu_instancing");
   const int translation = b.floats({1, 0, 0, 2, 0, 0}, "VEC3", 3);
   const int scale = b.floats({1, 1, 1, 3, 3, 3}, "VEC3", 3);
@@ -87,7 +88,7 @@ TEST(GltfNodes, GpuInstancingPlacesTheMeshOncePerElement) {
 }
 
 TEST(GltfNodes, SceneIsChosenByNameOrIndexAndUnknownOnesListThem) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["nodes"].push_back({{"mesh", 0}, {"translation", {7, 0, 0}}});
   b.json["scenes"] = {{{"name", "left"}, {"nodes", {0}}}, {{"name", "right"}, {"nodes", {1}}}};
   const TempFolder folder;
@@ -133,7 +134,7 @@ TEST(GltfNodes, SkinPutsVerticesWhereTheirJointsAre) {
 }
 
 TEST(GltfNodes, MorphTargetsCountByTheNodesWeightsElseTheMeshs) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   const int delta = b.floats({0, 0, 1, 0, 0, 1, 0, 0, 1}, "VEC3", 3);
   b.json["meshes"][0]["primitives"][0]["targets"] = {{{"POSITION", delta}}};
   b.json["meshes"][0]["weights"] = {0.25};
@@ -146,7 +147,7 @@ TEST(GltfNodes, MorphTargetsCountByTheNodesWeightsElseTheMeshs) {
 }
 
 TEST(GltfCameras, ScaleAndMirroringAreTakenOut) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["cameras"] = {
       {{"type", "perspective"},
        {"name", "eye"},
@@ -167,7 +168,7 @@ TEST(GltfCameras, ScaleAndMirroringAreTakenOut) {
 }
 
 TEST(GltfCameras, SceneWithoutOneIsFramed) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["nodes"][0]["translation"] = {50, 0, 0};
   b.json["nodes"][0]["scale"] = {4, 4, 4};
   const SceneDescription scene = load(b);
@@ -183,7 +184,7 @@ TEST(GltfCameras, SceneWithoutOneIsFramed) {
 }
 
 TEST(GltfLights, StandAndShineWhereTheirNodesSay) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.use("KHR_lights_punctual");
   b.json["extensions"]["KHR_lights_punctual"]["lights"] = {
       {{"type", "spot"}, {"intensity", 10}, {"color", {1, 0.5, 0}}, {"spot", {{"outerConeAngle", 0.5}}}},
@@ -205,11 +206,11 @@ TEST(GltfLights, StandAndShineWhereTheirNodesSay) {
   EXPECT_FLOAT_EQ(scene.lights[0].cos_inner, 1.0f);
   expect_near(scene.lights[1].direction, Vec3f(0, 0, -1));
   EXPECT_TRUE(has_light(scene));
-  EXPECT_FALSE(has_light(load(triangle())));
+  EXPECT_FALSE(has_light(load(one_triangle())));
 }
 
 TEST(GltfMaterials, FactorsAndExtensionsArrive) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   for (const char* e :
        {"emissive_strength", "ior", "transmission", "volume", "clearcoat", "sheen", "specular"}) {
     b.use(std::string("KHR_materials_") + e);
@@ -258,7 +259,7 @@ TEST(GltfMaterials, FactorsAndExtensionsArrive) {
 }
 
 TEST(GltfMaterials, OneImageInTwoColourSpacesBecomesTwoTextures) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.use("KHR_texture_transform");
   b.json["images"] = {{{"uri", kPng}}};
   b.json["samplers"] = {{{"wrapS", 33071}, {"wrapT", 33648}, {"magFilter", 9728}}};
@@ -295,7 +296,7 @@ TEST(GltfMaterials, OneImageInTwoColourSpacesBecomesTwoTextures) {
 }
 
 json draco_document() {
-  std::ifstream stream(fs::path(PF_SOURCE_DIR) / "tests/fuzz/corpus/gltf/draco.gltf");
+  std::ifstream stream(test::source_dir() / "tests/fuzz/corpus/gltf/draco.gltf");
   return json::parse(stream);
 }
 
@@ -350,7 +351,7 @@ TEST(GltfFolder, LinksOutOfTheRootAreRefused) {
 }
 
 TEST(GltfFolder, UnknownCameraListsThoseOfTheScene) {
-  GltfBuilder b = triangle();
+  GltfBuilder b = one_triangle();
   b.json["cameras"] = {
       {{"type", "perspective"}, {"name", "door"}, {"perspective", {{"yfov", 1}, {"znear", 1}}}}};
   b.json["nodes"][0]["camera"] = 0;

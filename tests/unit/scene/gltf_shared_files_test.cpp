@@ -13,6 +13,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace pf {
@@ -20,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path scenes() { return fs::path(PF_SHARED_DIR) / "scenes"; }
+fs::path scenes() { return test::shared_dir() / "scenes"; }
 
 std::vector<fs::path> gltf_files(const fs::path& folder) {
   std::vector<fs::path> out;

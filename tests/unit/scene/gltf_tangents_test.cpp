@@ -9,7 +9,7 @@ namespace pf {
 namespace {
 
 /// Two triangles on z = 0 that share an edge; uv of the second mirrored if asked for.
-Mesh quad(bool mirrored) {
+Mesh quad_mesh(bool mirrored) {
   Mesh m;
   m.positions = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
   m.normals.assign(4, Vec3f(0, 0, 1));
@@ -23,7 +23,7 @@ Mesh quad(bool mirrored) {
 Vec3f xyz(const Vec4f& v) { return {v.x, v.y, v.z}; }
 
 TEST(Tangents, FollowGrowingUAndTheBitangentPointsUpTheTexture) {
-  Mesh m = quad(false);
+  Mesh m = quad_mesh(false);
   generate_tangents(m, m.uv[0]);
   ASSERT_EQ(m.tangents.size(), 4u);
   for (const Vec4f& t : m.tangents) {
@@ -34,7 +34,7 @@ TEST(Tangents, FollowGrowingUAndTheBitangentPointsUpTheTexture) {
 }
 
 TEST(Tangents, MirroredTrianglesGetVerticesOfTheirOwn) {
-  Mesh m = quad(true);
+  Mesh m = quad_mesh(true);
   m.colors.assign(4, Vec4f(1, 1, 1, 1));
   generate_tangents(m, m.uv[0]);
   EXPECT_EQ(m.positions.size(), 6u);  // the two vertices of the shared edge are split
@@ -64,7 +64,7 @@ TEST(Tangents, UnindexedTrianglesShareFramesWhereTheyMeet) {
 }
 
 TEST(Tangents, WithoutAreaInUvAreStillUnitAndPerpendicular) {
-  Mesh m = quad(false);
+  Mesh m = quad_mesh(false);
   for (Vec2f& x : m.uv[0]) x = Vec2f(0.5f, 0.5f);
   generate_tangents(m, m.uv[0]);
   for (std::size_t i = 0; i < m.tangents.size(); ++i) {
@@ -74,7 +74,7 @@ TEST(Tangents, WithoutAreaInUvAreStillUnitAndPerpendicular) {
 }
 
 TEST(Tangents, MakeFlatGivesEveryTriangleItsNormal) {
-  Mesh m = quad(false);
+  Mesh m = quad_mesh(false);
   m.normals.clear();
   m.positions[3] = Vec3f(0, 1, 1);
   make_flat(m);

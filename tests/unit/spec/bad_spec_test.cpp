@@ -7,6 +7,7 @@
 
 #include "common/base/atomic_file.h"
 #include "common/spec/job_spec.h"
+#include "tests/support/paths.h"
 
 namespace pf {
 namespace {
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 /// blanked before parsing, because JSON has no comments).
 std::vector<fs::path> bad_files() {
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(fs::path(PF_SOURCE_DIR) / "tests/unit/spec/bad")) {
+  for (const auto& entry : fs::directory_iterator(test::source_dir() / "tests/unit/spec/bad")) {
     files.push_back(entry.path());
   }
   std::ranges::sort(files);

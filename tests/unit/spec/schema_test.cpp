@@ -8,6 +8,7 @@
 #include "common/base/atomic_file.h"
 #include "common/spec/job_spec.h"
 #include "common/spec/key_table.h"
+#include "tests/support/paths.h"
 
 namespace pf {
 namespace {
@@ -128,7 +129,7 @@ TEST(KeyTable, NamesEachKeyOnceInKnownTables) {
 
 // To renew the page: PHOTONFARM_WRITE_REFERENCE=1 pf_spec_tests --gtest_filter='SpecReference.*'
 TEST(SpecReference, OnDiskIsWhatTheTableSays) {
-  const auto page = std::filesystem::path(PF_SOURCE_DIR) / "jobs/SPEC.md";
+  const auto page = test::source_dir() / "jobs/SPEC.md";
   if (std::getenv("PHOTONFARM_WRITE_REFERENCE") != nullptr) {
     ASSERT_TRUE(write_file_atomically(page, job_spec_reference()));
   }

@@ -21,11 +21,6 @@ BlobStore open(const TempFolder& folder, std::uint64_t max_bytes = 0) {
 
 BlobId id_of(const std::string& bytes) { return {sha256_hex(std::string_view(bytes)), bytes.size()}; }
 
-std::string content(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
 std::size_t files_in(const fs::path& folder) {
   return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
 }
@@ -39,7 +34,7 @@ TEST(BlobStore, KeepsContentUnderItsHash) {
   EXPECT_EQ(store.path_of(*id), folder / "blobs" / id->sha256.substr(0, 2) / id->sha256);
   EXPECT_TRUE(store.has(*id));
   EXPECT_FALSE(store.has({id->sha256, 4})) << "another size is another blob";
-  EXPECT_EQ(content(store.path_of(*id)), "hello");
+  EXPECT_EQ(bytes_of(store.path_of(*id)), "hello");
   EXPECT_EQ(store.read(*id, 1, 3).value(), "ell");
   EXPECT_EQ(store.read(*id, 3, 1'000'000'000'000).value(), "lo");
   EXPECT_EQ(store.read(*id, 9, 5).value(), "");
@@ -169,7 +164,7 @@ TEST(BlobStore, CleansUpAfterAWriterThatDied) {
     return sink("whole");
   });
   ASSERT_TRUE(stored) << stored.error().message;
-  EXPECT_EQ(content(store.path_of(*stored)), "whole");
+  EXPECT_EQ(bytes_of(store.path_of(*stored)), "whole");
 }
 
 }  // namespace

@@ -21,11 +21,6 @@ void write(const fs::path& file, std::string_view bytes) {
   std::ofstream(file, std::ios::binary) << bytes;
 }
 
-std::string content(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
 /// A job in a folder of its own, whose scene/a.gltf holds the given buffers and images.
 class Job {
  public:
@@ -201,7 +196,7 @@ TEST(Bundle, CarriesAJobToAnotherFolder) {
   ASSERT_TRUE(spec) << spec.error().message;
   EXPECT_EQ(canonical_json(*spec), canonical_json(job.spec));
   EXPECT_EQ(spec->folder, to.folder / "job");
-  EXPECT_EQ(content(to.folder / "job/b.bin"), "buffer");
+  EXPECT_EQ(bytes_of(to.folder / "job/b.bin"), "buffer");
   const auto there = files_of_job(*spec);
   ASSERT_TRUE(there) << there.error().message;
   EXPECT_EQ(there->size(), named->size());

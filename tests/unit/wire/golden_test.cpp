@@ -12,6 +12,7 @@
 #include "common/base/atomic_file.h"
 #include "common/wire/chunk.h"
 #include "common/wire/statistics_codec.h"
+#include "tests/support/paths.h"
 #include "tests/unit/wire/samples.h"
 
 namespace pf {
@@ -19,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kGolden = fs::path(PF_SOURCE_DIR) / "tests/unit/wire/golden";
-const fs::path kSeeds = fs::path(PF_SOURCE_DIR) / "tests/fuzz/corpus/wire";
+const fs::path kGolden = test::source_dir() / "tests/unit/wire/golden";
+const fs::path kSeeds = test::source_dir() / "tests/fuzz/corpus/wire";
 
 /// 32 bytes a line, so that a difference can be read.
 std::string hex_lines(std::string_view bytes) {

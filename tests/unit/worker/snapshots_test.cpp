@@ -1,3 +1,4 @@
+#include "tests/support/paths.h"
 #include "worker/snapshots.h"
 
 #include <algorithm>
@@ -24,7 +25,7 @@ RenderResult rendered(const fs::path& out, const std::vector<std::string>& set, 
                                   "checkpoint.seconds=1e9", "photon_map.caustic_photons=1000"};
   all.insert(all.end(), set.begin(), set.end());
   RenderRequest request;
-  request.spec = load_job(fs::path(PF_SOURCE_DIR) / "jobs" / "cornell-box.toml", all).value();
+  request.spec = load_job(test::source_dir() / "jobs" / "cornell-box.toml", all).value();
   request.out = out;
   request.threads = 1;
   request.snapshots = snapshots;

@@ -183,10 +183,7 @@ TEST_F(Bench, AReferenceIsRenderedUntilItIsGoodEnough) {
   const Reference& reference = first->scenes[0].reference;
   EXPECT_EQ(reference.passes, 4u);
   EXPECT_NEAR(reference.noise, 0.01 / 400 / 2 / 0.26, 1e-5);  // two halves of variance 0.01/400
-  std::string text = [&] {
-    std::ifstream file(folder_ / "suite.toml");
-    return std::string{std::istreambuf_iterator<char>(file), {}};
-  }();
+  std::string text = bytes_of(folder_ / "suite.toml");
   text.replace(text.find("passes = 4"), 10, "passes = 4\nmax_passes = 64\nconfidence = 1.8e-5");
   std::ofstream(folder_ / "suite.toml") << text;
   const auto second = run();

@@ -111,8 +111,7 @@ TEST_F(BenchReport, GnuplotDrawsEveryChart) {
   for (const Chart& chart : charts_) names.push_back(chart.file);
   for (const std::string& name : names) {
     EXPECT_GT(fs::file_size(folder / (name + ".png")), 1000u) << name;
-    std::ifstream file(folder / (name + ".svg"));
-    const std::string svg{std::istreambuf_iterator<char>(file), {}};
+    const std::string svg = bytes_of(folder / (name + ".svg"));
     EXPECT_NE(svg.find("</svg>"), std::string::npos) << name;
     EXPECT_NE(svg.find("sppm"), std::string::npos) << name;
   }

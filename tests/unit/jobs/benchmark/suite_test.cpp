@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/paths.h"
 #include "tests/support/temp_folder.h"
 
 namespace pf::bench {
@@ -154,7 +155,7 @@ type = "path")";
 
 TEST(BenchSuite, EverySuiteOfTheProjectIsValid) {
   int suites = 0;
-  for (const auto& entry : fs::directory_iterator(fs::path(PF_SOURCE_DIR) / "jobs" / "bench")) {
+  for (const auto& entry : fs::directory_iterator(test::source_dir() / "jobs" / "bench")) {
     if (entry.path().stem() == "any-gltf") continue;  // a job
     std::vector<std::string> notes;
     const auto suite = load_suite(entry.path(), notes);
@@ -167,7 +168,7 @@ TEST(BenchSuite, EverySuiteOfTheProjectIsValid) {
 }
 
 TEST(BenchSuite, TheReferenceTextNamesEveryKey) {
-  std::ifstream file(fs::path(PF_SOURCE_DIR) / "jobs" / "benchmark" / "README.md");
+  std::ifstream file(test::source_dir() / "jobs" / "benchmark" / "README.md");
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   for (const std::string& key : suite_keys()) {
     EXPECT_NE(text.find("`" + key + "`"), std::string::npos) << key;
