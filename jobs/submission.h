@@ -34,8 +34,9 @@ struct SubmittedFile {
                                                         const std::vector<SubmittedFile>& files);
 
 inline constexpr std::string_view kJobsPath = "/v1/jobs";
-/// Uploads what the service lacks, then posts the job to `path`; once, however often the service goes away meanwhile.
-/// Returns the job. Errors: those of ServiceClient::ask; kInvalidInput for a file that changed meanwhile.
+/// Uploads what the service lacks, then posts the job to `path`; once, however often the service goes away
+/// meanwhile. Returns the job. Errors: those of ServiceClient::ask; kInvalidInput for a file that changed
+/// meanwhile.
 [[nodiscard]] Result<nlohmann::json> submit_job(ServiceClient& client, const JobSpec& spec,
                                                 const std::vector<SubmittedFile>& files,
                                                 const std::string& path = std::string(kJobsPath));

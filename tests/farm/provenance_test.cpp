@@ -82,6 +82,26 @@ TEST_F(Provenance, AFarmsImageIsVerifiedAndRenderedAgain) {
   EXPECT_EQ(run({"verify", image("forged").string()}), 2) << out_.str();
 }
 
+TEST_F(Provenance, UnitsAreComputedAgainAndComparedWithWhatTheCoordinatorKept) {
+  start_farm(2);
+  TestJob job;
+  job.type = "path";
+  job.passes = 24;
+  const std::string id = done(job);
+  ASSERT_EQ(run({"verify", id, "--units", "100", "--seed", "1", "--json"}), 0) << out_.str() << err_.str();
+  auto verdict = nlohmann::json::parse(out_.str());
+  EXPECT_GT(verdict.value("same", 0), 0) << out_.str();
+  EXPECT_EQ(verdict.value("same", 0), verdict.value("known", -1)) << "without shared radii every unit can be";
+  job.type = "sppm";
+  job.passes = 10;
+  job.photons = 5000;
+  const std::string shared = done(job);
+  ASSERT_EQ(run({"verify", shared, "--units", "100", "--json"}), 0) << out_.str() << err_.str();
+  verdict = nlohmann::json::parse(out_.str());
+  EXPECT_GT(verdict.value("same", 0), 0) << "the first round's";
+  EXPECT_EQ(verdict.value("different", -1), 0) << out_.str();
+}
+
 TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
   start_farm(1);
   TestJob job;
@@ -132,6 +152,31 @@ TEST_F(Provenance, AnEstimateNamesItsRanges) {
     EXPECT_LE(range["likely"], range["high"]) << what;
   }
   EXPECT_EQ(run({"estimate", "absent.toml"}), 2);
+  EXPECT_EQ(run({"estimate", job, "--farm", "--workers", "4"}), 2) << "the farm's own workers are meant";
+}
+
+TEST_F(Provenance, AnEstimateIsMadeOnTheFarmByTheJobItself) {
+  start_farm(2);
+  const std::string job = (fs::path(PF_SOURCE_DIR) / "jobs" / "peer-box.toml").string();
+  const Arguments arguments = {"estimate", job,
+                               "--set",    "image.width=32",
+                               "--set",    "image.height=32",
+                               "--set",    "integrator.photons=20000",
+                               "--set",    "stop.passes=100000",
+                               "--farm",   "--seconds",
+                               "4",        "--json"};
+  ASSERT_EQ(run(arguments), 0) << err_.str();
+  const auto document = nlohmann::json::parse(out_.str());
+  EXPECT_EQ(document["passes"], 100000);
+  EXPECT_EQ(document["workers"], 2);
+  for (const char* what : {"seconds", "memory_bytes", "network_bytes"}) {
+    EXPECT_GT(document[what]["low"].get<double>(), 0) << document.dump(2);
+    EXPECT_LE(document[what]["likely"], document[what]["high"]) << what;
+  }
+  EXPECT_GT(document["seconds"]["likely"].get<double>(), 4);
+  EXPECT_NE(err_.str().find(fmt::format("photonfarm extend {}", document["job"].get<std::string>())),
+            std::string::npos)
+      << err_.str();
 }
 
 }  // namespace
