@@ -1,6 +1,7 @@
 #include "worker/scene/image_header.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string_view>
 
@@ -33,17 +34,31 @@ std::uint32_t little_endian(Bytes bytes, std::size_t at, std::size_t count) {
 }
 
 /// PNG: walks the chunks, the first being IHDR, up to IEND [W3C PNG, 5.3 and 5.6]. OpenImageIO's reader leaks
-/// memory when libpng jumps out of a short read, so that truncated files are kept from it.
-std::optional<Size> png_size(Bytes bytes) {
+/// memory when libpng jumps out of a short read, so that truncated files are kept from it. `data` becomes the
+/// number of compressed bytes.
+std::optional<Size> png_size(Bytes bytes, std::uint64_t& data) {
   constexpr std::size_t kSignature = 8, kAroundData = 12;  // length, type and checksum of a chunk
   if (bytes.size() < 33 || !has_text(bytes, 12, "IHDR")) return std::nullopt;
   for (std::size_t at = kSignature; bytes.size() - at >= kAroundData;) {
     const std::size_t length = big_endian(bytes, at, 4);
     if (bytes.size() - at - kAroundData < length) return std::nullopt;
     if (has_text(bytes, at + 4, "IEND")) return Size{big_endian(bytes, 16, 4), big_endian(bytes, 20, 4)};
+    if (has_text(bytes, at + 4, "IDAT")) data += length;
     at += kAroundData + length;
   }
   return std::nullopt;
+}
+
+/// True when so few compressed bytes cannot become that many pixels: deflate makes at most 1032 bytes of one
+/// [zlib, Technical Details]. Memory is taken by what a header promises, before a decoder finds out.
+bool png_promises_too_much(Bytes bytes, Size size, std::uint64_t data) {
+  constexpr std::uint64_t kMostOfOneByte = 1032;
+  constexpr std::array<std::uint64_t, 7> kChannels = {1, 1, 3, 1,
+                                                      2, 1, 4};  // by colour type [W3C PNG, 11.2.1]
+  const std::uint64_t channels = kChannels[std::min<std::size_t>(bytes[25], kChannels.size() - 1)];
+  const std::uint64_t row =
+      1 + (std::uint64_t{size.width} * channels * bytes[24] + 7) / 8;  // with its filter's type
+  return row * size.height > data * kMostOfOneByte;
 }
 
 bool is_start_of_frame(std::uint8_t marker) {
@@ -90,9 +105,10 @@ std::optional<Size> webp_size(Bytes bytes) {
 Result<ImageHeader> read_image_header(Bytes bytes, const std::string& name) {
   ImageHeader header;
   std::optional<Size> size;
+  std::uint64_t png_data = 0;
   if (has_text(bytes, 0, "\x89PNG\r\n\x1A\n")) {
     header.format = ImageFormat::kPng;
-    size = png_size(bytes);
+    size = png_size(bytes, png_data);
   } else if (bytes.size() >= 3 && big_endian(bytes, 0, 3) == 0xFFD8FFu) {
     header.format = ImageFormat::kJpeg;
     size = jpeg_size(bytes);
@@ -112,6 +128,11 @@ Result<ImageHeader> read_image_header(Bytes bytes, const std::string& name) {
     return fail(ErrorKind::kInvalidInput,
                 fmt::format("{}: image is {} x {} pixels; at most {} x {} are supported", name, size->width,
                             size->height, kMaxImageSide, kMaxImageSide));
+  }
+  if (header.format == ImageFormat::kPng && png_promises_too_much(bytes, *size, png_data)) {
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: image is {} x {} pixels, more than its {} bytes of data can hold", name,
+                            size->width, size->height, png_data));
   }
   header.width = size->width;
   header.height = size->height;

@@ -273,6 +273,27 @@ TEST(TextureStore, NamesTheImageThatItCannotRead) {
   EXPECT_EQ(store.error().message.rfind("no/such/file.png", 0), 0u) << store.error().message;
 }
 
+TEST(TextureStore, TakesNoMemoryForWhatAHeaderPromises) {
+  const auto message = [](const Bytes& bytes) {
+    const auto store = TextureStore::open({texture(bytes)});
+    return store ? std::string() : store.error().message;
+  };
+  EXPECT_NE(message(kHugePng).find("image is 100000 x 100000 pixels; at most"), std::string::npos)
+      << message(kHugePng);
+  // Within the bounds of a side, and 1.5 GiB from nine bytes.
+  Bytes bomb = kHugePng;
+  for (const std::size_t at : {16u, 20u})
+    bomb[at] = bomb[at + 1] = 0, bomb[at + 2] = 0x3E, bomb[at + 3] = 0x80;
+  bomb[24] = 16;
+  EXPECT_NE(message(bomb).find("image is 16000 x 16000 pixels, more than its 9 bytes of data can hold"),
+            std::string::npos)
+      << message(bomb);
+  // What a packer can do at best is taken.
+  const TextureStore store =
+      open({texture(encode<std::uint8_t>("png", 2048, 2048, 4, Bytes(2048 * 2048 * 4, 0)))});
+  expect_near(store.lookup(0, {0.5f, 0.5f}), {0, 0, 0, 0});
+}
+
 TEST(TextureStore, DamagedBytesNeverCrash) {
   const std::vector<Bytes> seeds = {kPalettePng, kOneBitPng,
                                     encode<std::uint8_t>("png", 16, 16, 4, Bytes(1024, 9)),
