@@ -188,7 +188,9 @@ std::optional<HttpReply> refusal(const httplib::Request& request) {
   static constexpr std::array<std::string_view, 7> kMethods = {"GET",   "HEAD",   "POST",   "PUT",
                                                                "PATCH", "DELETE", "OPTIONS"};
   if (std::ranges::find(kMethods, request.method) == kMethods.end()) {
-    return problem(405, "method-not-allowed", "expected GET, HEAD, POST, PUT, PATCH or DELETE");
+    HttpReply reply = problem(405, "method-not-allowed", "expected GET, HEAD, POST, PUT, PATCH or DELETE");
+    reply.headers.emplace_back("Allow", "GET, HEAD, POST, PUT, PATCH, DELETE");
+    return reply;
   }
   return std::nullopt;
 }
