@@ -21,7 +21,8 @@ target_compile_options(
 if(CMAKE_UNITY_BUILD)
   # Most of a file's time is its headers', so eight files share them: 2.5 times less to compile. These two warnings
   # would be about names of one file that another one sees; dev and tidy compile each file alone, with them.
-  target_compile_options(pf_options INTERFACE -Wno-shadow -Wno-subobject-linkage)
+  target_compile_options(pf_options INTERFACE -Wno-shadow
+                                              $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
 endif()
 # Imath and Embree headers use float/int conversions that -Wconversion flags only when inlined into our code.
 if(PHOTONFARM_SANITIZE)

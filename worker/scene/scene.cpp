@@ -239,7 +239,7 @@ std::vector<int> Scene::media_around(const Vec3f& position) const {
   if (!any_medium_) return inside;
   // Walk out along an arbitrary direction that no modeller aligns a wall with: a volume left through its back face, and
   // not entered before on this walk, contains the start.
-  const Vec3f direction = normalize({0.2672f, 0.8018f, 0.5345f});
+  const Vec3f direction = normalize(Vec3f(0.2672f, 0.8018f, 0.5345f));
   std::vector<int> entered;
   Ray ray{position, direction};
   constexpr int kMaxCrossings = 1000;
