@@ -41,7 +41,7 @@ Result<Estimate> FarmJob::estimate(const EstimateRequest& asked) const {
   const auto points = convergence();
   if (!points) return tl::unexpected(points.error());
   Estimate estimate;
-  Pilot& pilot = estimate.pilot;
+  PilotRender& pilot = estimate.pilot;
   pilot.points = parts_of(*points);
   if (pilot.points.size() < (ended() ? 1 : kEnoughParts)) {
     return fail(ErrorKind::kUnavailable, fmt::format("{}: too few sub-passes are done to tell; the job is {}",

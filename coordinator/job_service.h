@@ -102,7 +102,7 @@ struct EstimateRequest {
   double passes = 0, error = 0;
 };
 struct Estimate {
-  Pilot pilot;                                      ///< what the job has shown
+  PilotRender pilot;                                      ///< what the job has shown
   Prediction prediction;                            ///< ranges of nothing but 0: not known
   int workers = 1;                                  ///< that took part: seconds and bytes are for so many
 };

@@ -43,9 +43,9 @@ Result<json> ask_renderer(const Context& context, const Arguments& arguments) {
 }
 
 /// Renders 1, 2, 4 ... passes, each going on from the one before, until the time is used up.
-Result<Pilot> run_pilot(const Context& context, const EstimateOptions& options, const JobSpec& spec,
+Result<PilotRender> run_pilot(const Context& context, const EstimateOptions& options, const JobSpec& spec,
                         const fs::path& scratch) {
-  Pilot pilot;
+  PilotRender pilot;
   const SystemClock clock;
   const double end = clock.now() + options.seconds;
   const std::string threads = std::to_string(options.threads);

@@ -69,7 +69,7 @@ double rounds_until(double passes, double growth) {
 
 }  // namespace
 
-Prediction predict(const Pilot& pilot, const PredictionRequest& request) {
+Prediction predict(const PilotRender& pilot, const PredictionRequest& request) {
   const double error = request.error;
   Prediction p;
   const Range b = slope(pilot.points);
@@ -116,7 +116,7 @@ Prediction predict(const Pilot& pilot, const PredictionRequest& request) {
   return p;
 }
 
-nlohmann::json prediction_json(const Pilot& pilot, const Prediction& prediction, int workers) {
+nlohmann::json prediction_json(const PilotRender& pilot, const Prediction& prediction, int workers) {
   using nlohmann::json;
   json points = json::array();
   for (const PilotPoint& point : pilot.points) {

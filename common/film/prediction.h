@@ -15,7 +15,8 @@ struct PilotPoint {
   double error = 0;    ///< estimated relative error at its end; 0: not known
 };
 
-struct Pilot {
+/// What a short render showed, to foretell a long one from.
+struct PilotRender {
   std::vector<PilotPoint> points;
   double setup_seconds = 0;        ///< loading, preparing, writing
   std::uint64_t peak_bytes = 0;    ///< of the renderer
@@ -49,11 +50,11 @@ struct Prediction {
 /// What so many passes will cost. Error falls as a power of the passes:
 /// between -1/2 (Monte Carlo) and -0.3 (progressive photon mapping, whose squared error falls as N^(-2/3),
 /// and a little); the pilot's own slope gives the likely one, and the two laws the range.
-[[nodiscard]] Prediction predict(const Pilot& pilot, const PredictionRequest& request);
+[[nodiscard]] Prediction predict(const PilotRender& pilot, const PredictionRequest& request);
 
 /// {"passes", "seconds": {"low", "likely", "high"}, "memory_bytes", "network_bytes", "estimated_error",
 /// "passes_to_error", "workers", "pilot": [{"passes", "seconds", "estimated_error"}]}; what is not known is
 /// null.
-[[nodiscard]] nlohmann::json prediction_json(const Pilot& pilot, const Prediction& prediction, int workers);
+[[nodiscard]] nlohmann::json prediction_json(const PilotRender& pilot, const Prediction& prediction, int workers);
 
 }  // namespace pf

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <utility>
 
+#include "coordinator/http/json.h"
 #include "coordinator/http/tls.h"
 
 namespace pf {
@@ -117,7 +118,7 @@ ssize_t HttpSocket::receive() {
     read_waited_ += seconds_now() - from;
     const bool slow = in_head_ ? read_waited_ > limits_.head_seconds : too_slow(read_waited_, read_bytes_);
     if (waited == Waited::kTimeout || slow) {
-      refuse("408 Request Timeout");
+      refuse(408, "request-timeout", "the request came too slowly");
       return -1;
     }
     if (waited == Waited::kBroken) {
@@ -139,7 +140,9 @@ ssize_t HttpSocket::read(char* bytes, std::size_t count) {
   const std::size_t given = std::min(count, buffered_ - taken_);
   for (std::size_t i = 0; i < given && in_head_; ++i) {
     if (!count_head(buffer_[taken_ + i])) {
-      refuse("431 Request Header Fields Too Large");
+      refuse(431, "head-too-large",
+             fmt::format("expected lines of at most {} bytes, {} bytes with all headers", limits_.line_bytes,
+                         limits_.head_bytes));
       return -1;
     }
   }
@@ -192,15 +195,15 @@ bool HttpSocket::peer_gone() const {
   return ::poll(&poll, 1, 0) > 0;
 }
 
-void HttpSocket::refuse(std::string_view status) {
+void HttpSocket::refuse(int status, std::string_view type, std::string_view detail) {
   if (tls_ && SSL_is_init_finished(tls_.get()) == 0) {  // who does not shake hands cannot be told
     broken_ = true;
     return;
   }
-  const std::string reply = fmt::format(
-      "HTTP/1.1 {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: "
-      "0\r\n\r\n",
-      status);
+  const std::string body = problem_json(status, type, detail);
+  const std::string reply =
+      fmt::format("HTTP/1.1 {} {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: {}\r\n\r\n{}",
+                  status, status_title(status), body.size(), body);
   static_cast<void>(write(reply.data(), reply.size()));
   broken_ = true;
 }

@@ -62,8 +62,8 @@ class HttpSocket {
   /// Passes a byte of the head; false when that breaks a limit.
   [[nodiscard]] bool count_head(char c);
   [[nodiscard]] bool too_slow(double waited, std::uint64_t bytes) const;
-  /// Answers without the library's help, then reads and writes nothing more.
-  void refuse(std::string_view status);
+  /// Answers a problem document without the library's help, then reads and writes nothing more.
+  void refuse(int status, std::string_view type, std::string_view detail);
 
   int fd_;
   std::unique_ptr<::ssl_st, FreeTls> tls_;

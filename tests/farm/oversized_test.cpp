@@ -11,6 +11,7 @@
 #include "jobs/command.h"
 #include "jobs/process.h"
 #include "tests/farm/farm_fixture.h"
+#include "tests/support/paths.h"
 
 namespace pf::farm_test {
 namespace {
@@ -82,13 +83,14 @@ TEST_F(Oversized, ATextureThatPromisesTooMuchFailsItsJobAndNothingElse) {
         Case{16000, "image is 16000 x 16000 pixels, more than its 9 bytes of data can hold"}}) {
     const fs::path job = job_with(bomb_png(side));
     std::ostringstream out, err;
-    const Context context{PF_BIN_DIR, "/usr/bin:/bin", state_, folder_.path(), out, err};
+    const Context context{test::bin_dir(), "/usr/bin:/bin", state_, folder_.path(), out, err};
     EXPECT_EQ(run_photonfarm(context, {"submit", job.string(), "--wait", "--out", folder_.path().string()}),
               5)
         << err.str();
     EXPECT_NE(err.str().find(says), std::string::npos) << err.str();
     EXPECT_NE(err.str().find("bomb.png"), std::string::npos) << err.str();
-    const auto rendered = run_and_capture(fs::path(PF_BIN_DIR) / "photonfarm-worker",
+    EXPECT_EQ(err.str().find("cache"), std::string::npos) << "where a worker keeps its files: " << err.str();
+    const auto rendered = run_and_capture(test::bin_dir() / "photonfarm-worker",
                                           {"render", job.string(), "--out", folder_.path().string()}, kStuck);
     ASSERT_TRUE(rendered);
     EXPECT_EQ(rendered->end.exit_code, 3) << side;

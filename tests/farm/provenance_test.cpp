@@ -157,7 +157,7 @@ TEST_F(Provenance, AnEstimateNamesItsRanges) {
 
 TEST_F(Provenance, AnEstimateIsMadeOnTheFarmByTheJobItself) {
   start_farm(2);
-  const std::string job = (fs::path(PF_SOURCE_DIR) / "jobs" / "peer-box.toml").string();
+  const std::string job = (test::source_dir() / "jobs" / "peer-box.toml").string();
   const Arguments arguments = {"estimate", job,
                                "--set",    "image.width=32",
                                "--set",    "image.height=32",

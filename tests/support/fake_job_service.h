@@ -198,7 +198,7 @@ class FakeJobService final : public JobService {
   std::string preview;
   std::vector<UnitView> all_units;
   std::vector<ConvergencePoint> points;
-  Pilot pilot;                    ///< of every job
+  PilotRender pilot;                    ///< of every job
   std::vector<std::string> acts;  ///< verbs that were asked for, of whom, by whom
   std::optional<LayeredImage> image;  ///< of running jobs
   int pixels_made = 0;

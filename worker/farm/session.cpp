@@ -229,7 +229,7 @@ void Session::fail_current(const Error& error, bool permanent) {
   failed.set_kind(current_->task.kind());
   *failed.mutable_unit() = current_->task.unit();
   failed.set_error_kind(static_cast<std::uint32_t>(error.kind));
-  failed.set_message(error.message.substr(0, kMaxTextBytes));
+  failed.set_message(as_in_bundle(error.message, current_->task).substr(0, kMaxTextBytes));
   failed.set_permanent(permanent);
   send(message);
   acknowledge(current_->handles);

@@ -99,6 +99,10 @@ class Session {
   void announce_first();
   void let_first_go();
   void fail_current(const Error& error, bool permanent);
+  /// Where a bundle is laid out on this worker.
+  [[nodiscard]] std::filesystem::path folder_of(const wire::Task& task) const;
+  /// `text` with paths as the bundle has them: where this worker keeps it helps nobody else.
+  [[nodiscard]] std::string as_in_bundle(std::string text, const wire::Task& task) const;
   void hand_back_current(const Error& error);
   void acknowledge(const std::vector<std::uint64_t>& handles);
   void send_heartbeat();

@@ -73,6 +73,16 @@ void Session::hand_back_current(const Error& error) {
   flush();
 }
 
+std::filesystem::path Session::folder_of(const wire::Task& task) const {
+  return options_.cache / fmt::format("{}.{:x}", options_.name, options_.incarnation) / id_of(task.bundle()).sha256;
+}
+
+std::string Session::as_in_bundle(std::string text, const wire::Task& task) const {
+  const std::string folder = folder_of(task).string() + "/";
+  for (std::size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at)) text.erase(at, folder.size());
+  return text;
+}
+
 Result<bool> Session::have_bundle(const wire::Task& task) {
   const BlobId id = id_of(task.bundle());
   if (bundles_.contains(id.sha256)) return true;
@@ -84,7 +94,7 @@ Result<bool> Session::have_bundle(const wire::Task& task) {
   for (const auto& file : bundle->files()) {
     if (!have(id_of(file.content()))) return false;
   }
-  const auto folder = options_.cache / fmt::format("{}.{:x}", options_.name, options_.incarnation) / id.sha256;
+  const auto folder = folder_of(task);
   auto spec = unpack_bundle(*bytes, blobs_, folder);
   if (!spec) {
     // The next try begins anew.

@@ -61,7 +61,8 @@ void Session::send_prepared(const PreparedScene& prepared) {
   *m.mutable_prepared()->mutable_film() = to_wire(prepared.film);
   m.mutable_prepared()->set_scene_hash(prepared.scene_hash);
   m.mutable_prepared()->set_plan_line(prepared.plan_line.substr(0, kMaxTextBytes));
-  for (const std::string& warning : prepared.warnings) m.mutable_prepared()->add_warnings(warning.substr(0, kMaxTextBytes));
+  for (const std::string& warning : prepared.warnings)
+    m.mutable_prepared()->add_warnings(as_in_bundle(warning, current_->task).substr(0, kMaxTextBytes));
   const auto content = pack_state(prepared.radii, [&](std::string_view chunk) -> Result<void> {
     outgoing.chunks.emplace_back(chunk);
     return {};

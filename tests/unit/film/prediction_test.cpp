@@ -8,8 +8,8 @@ namespace pf {
 namespace {
 
 /// A render whose passes all cost the same and whose error falls as passes^-exponent.
-Pilot ideal(double exponent) {
-  Pilot pilot;
+PilotRender ideal(double exponent) {
+  PilotRender pilot;
   double before = 0;
   for (const double passes : {2.0, 4.0, 8.0, 16.0}) {
     pilot.points.push_back({passes, 0.5 * (passes - before), std::pow(passes, -exponent)});
@@ -46,7 +46,7 @@ TEST(Prediction, TheErrorsOwnSlopeIsTheLikelyOne) {
 }
 
 TEST(Prediction, AnUnknownErrorPredictsNone) {
-  Pilot pilot = ideal(0.5);
+  PilotRender pilot = ideal(0.5);
   for (PilotPoint& point : pilot.points) point.error = 0;
   const Prediction p = predict(pilot, {.error = 0.01});
   EXPECT_FALSE(p.passes_to_error);

@@ -134,7 +134,9 @@ TEST_F(HttpServerTest, OddRangeHeadersDoNoHarm) {
 
 TEST_F(HttpServerTest, HeadsAreBounded) {
   const std::string line = "GET /v1/health HTTP/1.1\r\n";
-  EXPECT_EQ(raw("GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n").status, 431);
+  const RawReply refused = raw("GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n");
+  EXPECT_EQ(refused.status, 431);
+  EXPECT_EQ(nlohmann::json::parse(refused.body).value("type", ""), "urn:photonfarm:problem:head-too-large");
   EXPECT_EQ(raw(line + "X: " + std::string(5000, 'a') + "\r\n\r\n").status, 431);
   EXPECT_EQ(raw(std::string(100'000, 'a')).status, 431) << "a line without an end";
   std::string many = line;
