@@ -55,7 +55,7 @@ class SceneMaker {
 [[nodiscard]] SceneMaker peer_box(int rings = 128);
 /// The same room with nothing but diffuse walls and a diffuse block.
 [[nodiscard]] SceneMaker diffuse_box();
-/// A grey floor seen from above, without a lamp.
+/// A grey floor of 4 m without a lamp, under a camera that sees nearly all of it.
 [[nodiscard]] SceneMaker bare_floor();
 
 /// A furnace seen into a corner: walls of radiance 1 and albedo 1/2, which look 2 everywhere.

@@ -20,7 +20,6 @@ std::string text_of(const Pilot& pilot) {
   return plan_json(spec, SceneFacts{}, pilot, make_plan(spec, SceneFacts{}, pilot), PilotTiming{}).dump();
 }
 
-/// A floor of 4 m under a camera that sees nearly all of it.
 TEST(Pilot, IsTheSameOnAnyNumberOfThreads) {
   const SceneMaker maker = peer_box(24);
   std::vector<std::string> found;

@@ -29,7 +29,6 @@ bool weighs(const Plan& plan, IntegratorType method) {
   return std::any_of(plan.candidates.begin(), plan.candidates.end(), [&](const Candidate& c) { return c.method == method; });
 }
 
-/// A floor of 4 m under a camera that sees nearly all of it.
 /// A pilot of a plain scene, half of whose light is indirect: tests change what shall decide.
 Pilot plain_pilot() {
   Pilot pilot;
