@@ -1,20 +1,86 @@
 #include "worker/photon/covered_area.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "common/math/frame.h"
+#include "common/math/lanes.h"
+#include "worker/scene/surface_lanes.h"
 
 namespace pf {
 namespace {
 
 /// A lamp or a mirror flush with the surface leaves a hole in the disc: no photon is ever stored there.
 bool stores_photons(const Scene& scene, const SurfacePoint& point, const Vec3f& wo) {
+  if (const Rgb* albedo = scene.plain_lambert(point.material)) return !is_zero(*albedo);
   const Bsdf bsdf(scene.evaluate(point, 1.0f), wo);
   return !bsdf.is_black() && !bsdf.is_delta_only();
 }
+
+/// Where the probes go in a disc of radius 1: the golden angle apart along Vogel's spiral, sixteen or more directions of it.
+struct Spiral {
+  static constexpr std::size_t kMost = 2 * kProbes;
+  alignas(32) std::array<float, kMost> cosine, sine;
+  Spiral() {
+    constexpr double kGoldenAngle = 2.39996322972865332;
+    for (std::size_t i = 0; i < kMost; ++i) {
+      cosine[i] = static_cast<float>(std::cos(kGoldenAngle * static_cast<double>(i)));
+      sine[i] = static_cast<float>(std::sin(kGoldenAngle * static_cast<double>(i)));
+    }
+  }
+};
+const Spiral kSpiral;
+
+Vec3x8 eight(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
+
+/// Probes into the disc of a query, eight at once. Each goes from `eye`, above the hit point, to a point a little above the
+/// disc, where walls may stop it, and from there straight down: a slanted one alone would pass over ground that falls away,
+/// as on a ball of a few disc radii.
+class Probes {
+ public:
+  Probes(const Scene& scene, const DiscQuery& query, float radius, const Vec3f& eye, float lift)
+      : scene_(scene), query_(query), radius_(radius), eye_(eye), lift_(lift) {}
+
+  /// Lanes whose probe counts.
+  [[nodiscard]] unsigned count(const Vec3x8& targets, std::uint64_t& rays) const {
+    const Vec3x8 above = targets + eight(query_.normal) * all(lift_);
+    const RayLanes out{eight(eye_), above - eight(eye_), all(1.0f), true};
+    unsigned counted = shoot(out, kAllLanes, rays);
+    const unsigned stopped = met_.hits;
+    const RayLanes down{above, eight(-query_.normal), all(lift_ + kPlaneTolerance * radius_), true};
+    if (stopped != kAllLanes) counted |= shoot(down, kAllLanes & ~stopped, rays);
+    return counted;
+  }
+
+ private:
+  /// Lanes that meet a surface on which the query would accept a photon.
+  [[nodiscard]] unsigned shoot(const RayLanes& probes, unsigned lanes, std::uint64_t& rays) const {
+    rays += static_cast<std::uint64_t>(std::popcount(lanes));
+    scene_.intersect(std::span(&probes, 1), std::span(&lanes, 1), std::span(&met_, 1));
+    unsigned counted = 0;
+    for_each_lane(met_.hits, [&](std::size_t lane) {
+      const Vec3f direction = probes.direction[lane], ng = met_.ng[lane];
+      const float height = dot(met_.position[lane] - query_.position, query_.normal);
+      const float cosine = dot(ng, query_.normal);
+      const float facing = std::copysign(cosine, -dot(ng, direction) * cosine);
+      if (std::abs(height) > kPlaneTolerance * radius_ || facing < kMinNormalCosine) return;
+      if (stores_photons(scene_, met_.point(lane), -normalize(direction))) counted |= 1u << lane;
+    });
+    return counted;
+  }
+
+  const Scene& scene_;
+  const DiscQuery& query_;
+  float radius_;
+  Vec3f eye_;
+  float lift_;
+  mutable SurfaceLanes met_;  ///< by the last rays
+};
 
 }  // namespace
 
@@ -31,38 +97,22 @@ Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const D
   ++rays;
   if (const auto above = scene.intersect({start, query.normal, height})) height = 0.5f * above->t;
   const Vec3f eye = start + query.normal * height;
+  const Probes into_disc(scene, query, radius, eye, std::min(kPlaneTolerance * radius, 0.7f * height));
 
-  // Each probe goes to a point a little above the disc, where walls may stop it, and from there straight
-  // down: a slanted one alone would pass over ground that falls away, as on a ball of a few disc radii.
-  const float lift = std::min(kPlaneTolerance * radius, 0.7f * height);
-  const auto counts = [&](const Vec3f& target) {
-    const Vec3f above = target + query.normal * lift;
-    Vec3f direction = above - eye;
-    ++rays;
-    auto hit = scene.intersect({eye, direction, 1.0f});
-    if (!hit) {
-      direction = -query.normal;
-      ++rays;
-      hit = scene.intersect({above, direction, lift + kPlaneTolerance * radius});
-    }
-    if (!hit) return false;
-    const float height_of_hit = dot(hit->position - query.position, query.normal);
-    const float facing =
-        std::copysign(dot(hit->ng, query.normal), -dot(hit->ng, direction) * dot(hit->ng, query.normal));
-    if (std::abs(height_of_hit) > kPlaneTolerance * radius || facing < kMinNormalCosine) return false;
-    return stores_photons(scene, *hit, -normalize(direction));
-  };
   Coverage coverage;
   int covered = 0;
-  for (int i = 0; i < probes; ++i) {
-    constexpr float kGoldenAngle = 2.39996323f;
-    const float r = radius * std::sqrt((static_cast<float>(i) + u.x) / static_cast<float>(probes));
-    const float angle = static_cast<float>(i) * kGoldenAngle + 2.0f * kPi * u.y;
-    if (counts(query.position + frame.t * (r * std::cos(angle)) + frame.b * (r * std::sin(angle)))) {
-      ++covered;
-    } else {
-      coverage.nearest_gap = std::min(coverage.nearest_gap, r);
-    }
+  const float turn_x = std::cos(2.0f * kPi * u.y), turn_y = std::sin(2.0f * kPi * u.y);
+  for (int first = 0; first < probes; first += kLanes) {
+    const Float8 number = Float8{0, 1, 2, 3, 4, 5, 6, 7} + static_cast<float>(first);
+    const Float8 r = radius * sqrt((number + u.x) / static_cast<float>(probes));
+    const Float8 cosine = _mm256_load_ps(&kSpiral.cosine[static_cast<std::size_t>(first)]);
+    const Float8 sine = _mm256_load_ps(&kSpiral.sine[static_cast<std::size_t>(first)]);
+    const Vec3x8 targets = eight(query.position) + eight(frame.t) * (r * (cosine * turn_x - sine * turn_y)) +
+                           eight(frame.b) * (r * (cosine * turn_y + sine * turn_x));
+    const unsigned counted = into_disc.count(targets, rays);
+    covered += std::popcount(counted);
+    for_each_lane(kAllLanes & ~counted,
+                  [&](std::size_t lane) { coverage.nearest_gap = std::min(coverage.nearest_gap, r[lane]); });
   }
   coverage.fraction = static_cast<float>(std::max(covered, 1)) / static_cast<float>(probes);
   return coverage;

@@ -9,6 +9,7 @@
 
 namespace pf {
 
+/// Of a disc; whole packets of kLanes.
 inline constexpr int kProbes = 16;
 
 /// Part of a gather disc, in (0, 1], on which photons could have been found: the rest hangs over an edge,
@@ -25,6 +26,7 @@ struct Coverage {
   float fraction = 1;             ///< in (0, 1]
   float nearest_gap = kInfinity;  ///< distance from the hit point to the nearest probe that did not count [m]
 };
+/// `probes`: kProbes or twice as many.
 [[nodiscard]] Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const DiscQuery& query,
                                         const Vec2f& u, std::uint64_t& rays, int probes = kProbes);
 

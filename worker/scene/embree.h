@@ -23,12 +23,16 @@ inline void embree_intersect(RTCScene scene, RTCRayHit& ray_hit) {
 }
 
 /// Closest hits of the rays whose `valid` is -1 (aligned to 32 bytes).
-inline void embree_intersect(const int* valid, RTCScene scene, RTCRayHit8& packet) {
+inline void embree_intersect(const int* valid, RTCScene scene, RTCRayHit8& packet, bool coherent) {
 #if PHOTONFARM_EMBREE_MAJOR == 4
-  rtcIntersect8(valid, scene, &packet, nullptr);
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  if (coherent) arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+  rtcIntersect8(valid, scene, &packet, &arguments);
 #else
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
+  if (coherent) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   rtcIntersect8(valid, scene, &context, &packet);
 #endif
 }

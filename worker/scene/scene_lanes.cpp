@@ -20,12 +20,12 @@ void Scene::Embree::intersect(const RayLanes& rays, unsigned lanes, SurfaceLanes
   };
   set(packet.ray.org_x, rays.origin.x), set(packet.ray.org_y, rays.origin.y), set(packet.ray.org_z, rays.origin.z);
   set(packet.ray.dir_x, rays.direction.x), set(packet.ray.dir_y, rays.direction.y), set(packet.ray.dir_z, rays.direction.z);
-  set(packet.ray.tnear, Float8{}), set(packet.ray.time, Float8{}), set(packet.ray.tfar, all(kInfinity));
+  set(packet.ray.tnear, Float8{}), set(packet.ray.time, Float8{}), set(packet.ray.tfar, rays.t_max);
   set_all(packet.ray.mask, ~0u), set_all(packet.ray.id, 0), set_all(packet.ray.flags, 0);
   set_all(packet.hit.geomID, RTC_INVALID_GEOMETRY_ID), set_all(packet.hit.instID[0], RTC_INVALID_GEOMETRY_ID);
   alignas(32) int valid[kLanes];
   _mm256_store_si256(reinterpret_cast<__m256i*>(valid), reinterpret_cast<__m256i>(mask_of(lanes)));
-  embree_intersect(valid, top.get(), packet);
+  embree_intersect(valid, top.get(), packet, rays.alike);
 
   const auto ids = [](const unsigned* from) {
     return reinterpret_cast<Uint8>(_mm256_load_si256(reinterpret_cast<const __m256i*>(from)));

@@ -5,9 +5,11 @@
 
 namespace pf {
 
-/// Eight rays without an end.
+/// Eight rays.
 struct RayLanes {
   Vec3x8 origin, direction;
+  Float8 t_max = all(kInfinity);
+  bool alike = false;  ///< near each other and in like directions: they go through the scene together
 };
 
 /// What eight rays met: SurfacePoint, side by side. Lanes that met nothing hold anything.
