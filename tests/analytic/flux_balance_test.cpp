@@ -71,7 +71,7 @@ TEST(FluxBalance, StoredPhotonsHoldTheWholeIndirectFlux) {
       const PhotonBatch batch = tracer.trace(sub_pass);
       EXPECT_EQ(batch.flows[kCaustic].size(), 0u);
       double sum = 0.0;
-      for (const float flux : batch.flows[kIndirect].r) sum += double{flux} * tracer.flux_unit();
+      for (const Photon& photon : batch.flows[kIndirect]) sum += double{photon.flux.x} * tracer.flux_unit();
       totals.push_back(sum);
     }
     EXPECT_TRUE(agrees(estimate(totals), 10000.0 * double{rho} / (1.0 - double{rho}))) << rho;

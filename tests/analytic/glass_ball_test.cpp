@@ -125,13 +125,13 @@ TEST_F(GlassBall, PhotonsLandInTheRingsOfTheClosedForm) {
   std::vector<std::vector<double>> found(rings.size());
   for (std::uint64_t sub_pass = 0; sub_pass < 12; ++sub_pass) {
     const PhotonBatch batch = tracer.trace(sub_pass);
-    const PhotonArrays& photons = batch.flows[kCaustic];
+    const Photons& photons = batch.flows[kCaustic];
     std::vector<double> flux(rings.size());
-    for (std::size_t i = 0; i < photons.size(); ++i) {
-      if (photons.y[i] > -1.99f) continue;
-      const double r = std::hypot(double{photons.x[i]}, double{photons.z[i]});
+    for (const Photon& photon : photons) {
+      if (photon.position.y > -1.99f) continue;
+      const double r = std::hypot(double{photon.position.x}, double{photon.position.z});
       for (std::size_t k = 0; k < rings.size(); ++k) {
-        if (r >= rings[k].inner && r < rings[k].outer) flux[k] += double{photons.r[i]} * tracer.flux_unit();
+        if (r >= rings[k].inner && r < rings[k].outer) flux[k] += double{photon.flux.x} * tracer.flux_unit();
       }
     }
     for (std::size_t k = 0; k < rings.size(); ++k) found[k].push_back(flux[k]);
@@ -164,11 +164,11 @@ TEST_F(GlassBall, TransmitsTheFluxOfTheClosedForm) {
   std::vector<double> totals;
   for (std::uint64_t sub_pass = 0; sub_pass < 12; ++sub_pass) {
     const PhotonBatch batch = tracer.trace(sub_pass);
-    const PhotonArrays& photons = batch.flows[kCaustic];
+    const Photons& photons = batch.flows[kCaustic];
     double sum = 0.0;
-    for (std::size_t i = 0; i < photons.size(); ++i) {
-      if (photons.y[i] < -1.99f && std::hypot(photons.x[i], photons.z[i]) < 1.5f)
-        sum += double{photons.r[i]} * tracer.flux_unit();
+    for (const Photon& photon : photons) {
+      if (photon.position.y < -1.99f && std::hypot(photon.position.x, photon.position.z) < 1.5f)
+        sum += double{photon.flux.x} * tracer.flux_unit();
     }
     totals.push_back(sum);
   }

@@ -47,7 +47,7 @@ void trace_photons(benchmark::State& state) {
   double bytes = 0;
   for (auto _ : state) {
     const PhotonBatch batch = tracer.trace(sub_pass++);
-    for (const PhotonArrays& flow : batch.flows) bytes += 32.0 * static_cast<double>(flow.size());
+    for (const Photons& flow : batch.flows) bytes += 32.0 * static_cast<double>(flow.size());
   }
   bandwidth.report(state, bytes);
 }
@@ -56,10 +56,10 @@ BENCHMARK(trace_photons)->Unit(benchmark::kMillisecond);
 /// Bytes: photons read once and written once.
 void build_tree(benchmark::State& state) {
   const Limit one(kThreads, 1);
-  const PhotonArrays photons = floor_of_photons(kPhotons);
+  const Photons photons = floor_of_photons(kPhotons);
   const Bandwidth bandwidth;
   for (auto _ : state) {
-    const PhotonTree tree{PhotonArrays(photons)};
+    const PhotonTree tree{Photons(photons)};
     benchmark::DoNotOptimize(tree.size());
   }
   bandwidth.report(state, 64.0 * kPhotons * static_cast<double>(state.iterations()));

@@ -55,7 +55,7 @@ void trace_against_bare_rays(benchmark::State& state) {
     const std::vector<Ray> rays = tracer.rays_of(sub_pass);
     const auto trace = [&] {
       const PhotonBatch batch = tracer.trace(sub_pass);
-      benchmark::DoNotOptimize(batch.flows[kIndirect].x.data());
+      benchmark::DoNotOptimize(batch.flows[kIndirect].data());
     };
     const auto replay = [&] {
       for (const Ray& ray : rays) benchmark::DoNotOptimize(scene.meets(ray));
@@ -75,36 +75,43 @@ void trace_against_bare_rays(benchmark::State& state) {
 }
 BENCHMARK(trace_against_bare_rays)->Arg(16)->Arg(224)->UseManualTime()->Unit(benchmark::kMillisecond);
 
-/// One million photons, one million queries of about 50 photons each.
+/// One million photons, 1,016,064 queries of about 50 photons each, by a cursor or by the tree alone.
 void gather(benchmark::State& state) {
   constexpr int kCount = 1000000;
+  constexpr int kTileEdge = 16;
+  constexpr int kTiles = 63;  // of 16 x 16 queries
+  constexpr float kStep = 1.0f / (kTiles * kTileEdge);
   PhotonTree tree(floor_of_photons(kCount));
   tree.use_isa(state.range(0) == 512 ? PhotonTree::Isa::kAvx512 : PhotonTree::Isa::kAvx2);
   const float radius2 = 50.0f / (kPi * kCount);
+  const bool with_cursor = state.range(1) != 0;
   std::uint64_t found = 0;
   for (auto _ : state) {
-    // Queries as an image asks them: neighbours one after the other.
-    for (int y = 0; y < 1000; ++y) {
-      for (int x = 0; x < 1000; ++x) {
+    // Queries as an image asks them: tile by tile, there and back again.
+    for (int tile = 0; tile < kTiles * kTiles; ++tile) {
+      GatherCursor cursor(tree);
+      for (int i = 0; i < kTileEdge * kTileEdge; ++i) {
+        const int row = i / kTileEdge, column = row % 2 == 0 ? i % kTileEdge : kTileEdge - 1 - i % kTileEdge;
+        const int x = tile % kTiles * kTileEdge + column, y = tile / kTiles * kTileEdge + row;
         const DiscQuery query{
-            {(static_cast<float>(x) + 0.5f) * 1e-3f, 0.0f, (static_cast<float>(y) + 0.5f) * 1e-3f},
+            {(static_cast<float>(x) + 0.5f) * kStep, 0.0f, (static_cast<float>(y) + 0.5f) * kStep},
             {0, 1, 0},
             radius2,
             false};
-        found += tree.sum_flux(query).count;
+        found += (with_cursor ? cursor.sum_flux(query) : tree.sum_flux(query)).count;
       }
     }
   }
   state.counters["photons/query"] =
-      static_cast<double>(found) / (1e6 * static_cast<double>(state.iterations()));
+      static_cast<double>(found) / (kTiles * kTiles * kTileEdge * kTileEdge * static_cast<double>(state.iterations()));
 }
-BENCHMARK(gather)->Arg(256)->Arg(512)->Unit(benchmark::kMillisecond);
+BENCHMARK(gather)->ArgsProduct({{256, 512}, {0, 1}})->ArgNames({"isa", "cursor"})->Unit(benchmark::kMillisecond);
 
 void build_tree(benchmark::State& state) {
   const PhotonTracer tracer(scene_of(16), {1, 500000, 0});
   const PhotonBatch batch = tracer.trace(0);
   for (auto _ : state) {
-    const PhotonTree tree{PhotonArrays(batch.flows[kIndirect])};
+    const PhotonTree tree{Photons(batch.flows[kIndirect])};
     benchmark::DoNotOptimize(tree.size());
   }
   state.counters["Mphotons"] = static_cast<double>(batch.flows[kIndirect].size()) * 1e-6;

@@ -23,8 +23,8 @@ constexpr int kPhotons = 1000000;
 
 const PhotonMap& floor_map() {
   static const PhotonMap map = [] {
-    const PhotonArrays photons = floor_of_photons(kPhotons);
-    const PhotonArrays* flows[] = {&photons};
+    const Photons photons = floor_of_photons(kPhotons);
+    const Photons* flows[] = {&photons};
     return PhotonMap(flows);
   }();
   return map;
@@ -95,7 +95,7 @@ void build_map(benchmark::State& state) {
   const PhotonTracer tracer(*scene, {1, 500000, 0});
   PhotonBatch batch = tracer.trace(0);
   batch.flows[kIndirect].resize(std::min<std::size_t>(kPhotons, batch.flows[kIndirect].size()));
-  const PhotonArrays* flows[] = {&batch.flows[kIndirect]};
+  const Photons* flows[] = {&batch.flows[kIndirect]};
   std::size_t bytes = 0, search_bytes = 0;
   for (auto _ : state) {
     const PhotonMap map(flows);

@@ -23,7 +23,7 @@ FinalGatherIntegrator::FinalGatherIntegrator(const Scene& scene, const Camera& c
       covered_(scene_, eye_, max_depth_),
       points_(scene_, eye_, hemisphere_, spec) {
   const TracedPhotons caustics(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
-  const PhotonArrays* flows[] = {&caustics.batch.flows[kCaustic]};
+  const Photons* flows[] = {&caustics.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, caustics.flux_unit, caustic_options(spec));
   photon_figures_ = map_.figures();
   photon_figures_ += caustics.figures();

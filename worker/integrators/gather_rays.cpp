@@ -35,7 +35,7 @@ MapGather::MapGather(const Scene& scene, const JobSpec& spec)
     : scene_(scene), max_depth_(spec.integrator.max_depth) {
   if (max_depth_ == 1) return;  // all light that arrives is direct
   const TracedPhotons global(scene, spec, TracedPhotons::Purpose::kGlobal, depth_behind_gather(max_depth_));
-  const PhotonArrays* all[] = {&global.batch.direct, &global.batch.flows[kCaustic],
+  const Photons* all[] = {&global.batch.direct, &global.batch.flows[kCaustic],
                                &global.batch.flows[kIndirect]};
   map_ = MapEstimate(scene, all, global.flux_unit, global_options(spec));
   figures_ = global.figures();
@@ -49,8 +49,7 @@ void MapGather::precompute(const JobSpec& spec) {
   std::size_t number = 0;
   list_in_order(1, map_.photons().size(), number, chosen);
   const float extent = std::max(max_magnitude(scene_.bounds().min), max_magnitude(scene_.bounds().max));
-  PhotonArrays records;
-  records.resize(chosen.size());
+  Photons records(chosen.size());
   const std::size_t chunks = (chosen.size() + kChunk - 1) / kChunk;
   std::vector<TileFigures> figures(chunks);
   parallel_for(chunks, [&](std::size_t chunk) {
@@ -77,11 +76,11 @@ void MapGather::precompute(const JobSpec& spec) {
         ++figures[chunk].faults.not_finite;
         irradiance = {0.0f, 0.0f, 0.0f};
       }
-      records.set(i, make_photon(disc.query.position, irradiance, disc.query.normal, disc.query.normal));
+      records[i] = make_photon(disc.query.position, irradiance, disc.query.normal, disc.query.normal);
     }
   });
   for (const TileFigures& f : figures) figures_ += f;
-  const PhotonArrays* all[] = {&records};
+  const Photons* all[] = {&records};
   irradiance_ = PhotonMap(all);
 }
 

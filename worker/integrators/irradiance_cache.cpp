@@ -44,7 +44,7 @@ IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const C
       marks_(static_cast<std::size_t>(spec.image.width) * static_cast<std::size_t>(spec.image.height)),
       covered_(scene_, eye_, max_depth_) {
   const TracedPhotons photons(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
-  const PhotonArrays* flows[] = {&photons.batch.flows[kCaustic]};
+  const Photons* flows[] = {&photons.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, photons.flux_unit, caustic_options(spec));
   made_ += photons.figures();
   fill_cache();

@@ -51,7 +51,7 @@ TileFigures TracedPhotons::figures() const {
   return {batch.rays, paths, stored, batch.faults};
 }
 
-MapEstimate::MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit,
+MapEstimate::MapEstimate(const Scene& scene, std::span<const Photons* const> flows, double flux_unit,
                          const Options& options)
     : map_(flows), options_(options), filter_(options.filter), flux_unit_(flux_unit) {
   if (map_.empty()) return;  // reaches nowhere, so that nobody looks for edges on its behalf

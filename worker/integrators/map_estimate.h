@@ -44,7 +44,7 @@ class MapEstimate {
     PhotonFilter filter = PhotonFilter::kCone;
   };
   MapEstimate() = default;
-  MapEstimate(const Scene& scene, std::span<const PhotonArrays* const> flows, double flux_unit,
+  MapEstimate(const Scene& scene, std::span<const Photons* const> flows, double flux_unit,
               const Options& options);
 
   /// Radiance [W sr^-1 m^-2] that `portion` of the BSDF scatters towards vertex.wo, of the light that the map

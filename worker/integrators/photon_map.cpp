@@ -53,14 +53,14 @@ PhotonMapIntegrator::PhotonMapIntegrator(const Scene& scene, const Camera& camer
       show_map_(spec.photon_map.show_map),
       covered_(scene_, eye_, max_depth_) {
   const TracedPhotons global(scene, spec, TracedPhotons::Purpose::kGlobal, spec.integrator.max_depth);
-  const PhotonArrays& indirect = global.batch.flows[kIndirect];
-  std::vector<const PhotonArrays*> shown{&indirect};
+  const Photons& indirect = global.batch.flows[kIndirect];
+  std::vector<const Photons*> shown{&indirect};
   if (show_map_) shown = {&global.batch.direct, &global.batch.flows[kCaustic], &indirect};
   global_ = MapEstimate(scene, shown, global.flux_unit, global_options(spec));
   photon_figures_ = global.figures();
   if (show_map_) return;
   const TracedPhotons caustics(scene, spec, TracedPhotons::Purpose::kCaustics, spec.integrator.max_depth);
-  const PhotonArrays* flows[] = {&caustics.batch.flows[kCaustic]};
+  const Photons* flows[] = {&caustics.batch.flows[kCaustic]};
   caustics_ = MapEstimate(scene, flows, caustics.flux_unit, caustic_options(spec));
   photon_figures_ += caustics.figures();
 }

@@ -61,7 +61,7 @@ ProgressiveMapping::Trees ProgressiveMapping::build_trees(PhotonBatch batch) con
 /// Chooses the first radii of a pixel and keeps its discs.
 struct ProgressiveMapping::RadiusSink {
   const ProgressiveMapping& integrator;
-  const Trees& trees;
+  Cursors& photons;
   std::span<ProgressivePixel> points;  ///< of the pixel
   std::size_t first;                   ///< index of the first of them
   std::vector<GatherDisc>& discs;
@@ -79,7 +79,7 @@ struct ProgressiveMapping::RadiusSink {
     const std::size_t point = std::min(gathers++, points.size() - 1);
     ProgressivePixel& pixel = points[point];
     for (const Flow flow : {kCaustic, kIndirect}) {
-      const float radius2 = integrator.first_radius2(trees[flow], flow, vertex, footprint);
+      const float radius2 = integrator.first_radius2(photons[flow], flow, vertex, footprint);
       float& least = pixel[flow].radius2;
       least = least > 0.0f ? std::min(least, radius2) : radius2;
     }
@@ -89,7 +89,8 @@ struct ProgressiveMapping::RadiusSink {
   }
 };
 
-float ProgressiveMapping::first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const {
+float ProgressiveMapping::first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex,
+                                        float footprint) const {
   if (fixed_radius_ > 0.0) return static_cast<float>(fixed_radius_ * fixed_radius_);
   const RadiusRule& rule = kRadiusRules[flow];
   // No disc is wider than a part of the scene, however far away the surface is seen from.
@@ -97,12 +98,12 @@ float ProgressiveMapping::first_radius2(const PhotonTree& tree, Flow flow, const
   const float largest = std::min(rule.max_footprints * footprint, kMaxSceneShare * scene_radius_);
   const float smallest = std::min(rule.min_footprints * footprint, largest);
   DiscQuery query = query_at(vertex, largest * largest);
-  auto found = static_cast<float>(tree.count(query));
+  auto found = static_cast<float>(photons.count(query));
   const auto wanted = static_cast<float>(rule.photons * std::pow(tracer_.options().paths / kRulePaths, 2.0 / 3.0));
   // On a surface the number found goes with the area.
   for (int refinement = 0; refinement < 3 && found > wanted && query.radius2 > smallest * smallest; ++refinement) {
     query.radius2 = std::max(query.radius2 * wanted / found, smallest * smallest);
-    found = static_cast<float>(tree.count(query));
+    found = static_cast<float>(photons.count(query));
   }
   return query.radius2;
 }
@@ -116,11 +117,13 @@ std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
   for_each_tile(eye_.width(), eye_.height(), figures, [&](const Tile& tile, TileFigures& sheet) {
     std::vector<GatherDisc> discs;
     std::vector<std::size_t> owners;
+    Cursors photons{GatherCursor(trees[kCaustic]), GatherCursor(trees[kIndirect])};
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
         const std::size_t i = (static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)) * points();
-        RadiusSink sink{*this, trees, std::span(state).subspan(i, points()), i, discs, owners, sheet};
-        for_each_eye_sample(0, [&](std::uint64_t sample) { EyePaths(scene_, eye_, max_depth_).follow(x, y, sample, sink); });
+        RadiusSink sink{*this, photons, std::span(state).subspan(i, points()), i, discs, owners, sheet};
+        const std::uint64_t samples = std::max<std::uint64_t>(sampling_.fixed, 1);
+        for (std::uint64_t k = 0; k < samples; ++k) EyePaths(scene_, eye_, max_depth_).follow(x, y, k, sink);
       }
     }
     find_covered_radii(scene_, discs, sheet.rays);
@@ -158,12 +161,13 @@ void ProgressiveMapping::fill_missing_radii(std::vector<ProgressivePixel>& state
 /// Adds up what a pixel's eye paths bring to it in one sub-pass.
 struct ProgressiveMapping::RadianceSink {
   const ProgressiveMapping& integrator;
-  const Trees& trees;
+  Cursors& photons;
   std::span<const ProgressivePixel> state;  ///< of the pixel's hit points
   std::span<PixelSums> sums;                ///< likewise
   std::span<ExtraSums> extras;              ///< likewise; empty unless biases are estimated
   float ratio;                              ///< of squared radii to those in `state`
-  float weight;                             ///< of one eye sample
+  float direct_weight;                      ///< of one eye sample in direct light
+  float weight;                             ///< of one eye sample in what photons bring; 0: it does not gather
   FeatureSums* features;                    ///< none where this eye sample does not count in them
   PixelSequence* lights;                    ///< sample points of direct light; none: the eye path's own
   TileFigures& figures;
@@ -173,9 +177,9 @@ struct ProgressiveMapping::RadianceSink {
   std::size_t gathers = 0;
 
   void ray() { ++figures.rays; }
-  void escape(const EyeWalk& walk) { tally.add_direct(environment_seen(integrator.scene_, walk) * weight); }
+  void escape(const EyeWalk& walk) { tally.add_direct(environment_seen(integrator.scene_, walk) * direct_weight); }
   void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
-    tally.add_direct(emission_seen(integrator.scene_, point, wo, walk) * weight);
+    tally.add_direct(emission_seen(integrator.scene_, point, wo, walk) * direct_weight);
   }
   void first_hit(const Vertex& vertex, float distance) {
     if (features != nullptr) add_features(*features, integrator.film_.scale, vertex, distance);
@@ -183,10 +187,11 @@ struct ProgressiveMapping::RadianceSink {
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
     const float pick = lights != nullptr ? lights->next1() : u_pick;
     const Vec2f at = lights != nullptr ? lights->next2() : u;
-    tally.add_direct(walk.beta * weight *
+    tally.add_direct(walk.beta * direct_weight *
                      direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow, figures.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
+    if (weight == 0.0f) return;
     const std::size_t point = std::min(gathers, state.size() - 1);
     const bool steers = gathers++ == point;
     for (const Flow flow : {kCaustic, kIndirect}) gather_flow(flow, point, steers, vertex, beta * weight, u);
@@ -194,10 +199,10 @@ struct ProgressiveMapping::RadianceSink {
   void gather_flow(Flow flow, std::size_t point, bool steers, const Vertex& vertex, const Rgb& beta, const Vec2f& u) {
     const DiscQuery query = query_at(vertex, state[point][flow].radius2 * ratio);
     std::uint32_t count = 0;
-    Rgb flux = reflected_flux(trees[flow], query, vertex, count);
+    Rgb flux = reflected_flux(photons[flow], query, vertex, count);
     if (count == 0) return;
     const bool with_bias = integrator.film_.extra == Extra::kBias;
-    float moment = with_bias ? bias_moment(trees[flow], query, vertex, beta) : 0.0f;
+    float moment = with_bias ? bias_moment(photons[flow], query, vertex, beta) : 0.0f;
     if (steers) sums[point].photons[flow] += count;
     flux *= beta;
     if (query.radius2 > state[point].covered_radius * state[point].covered_radius) {
@@ -218,26 +223,26 @@ struct ProgressiveMapping::RadianceSink {
     if (!exact) ++figures.faults.overflow;
   }
   /// Sum of f * photon flux [W sr^-1] over the disc.
-  [[nodiscard]] Rgb reflected_flux(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex,
+  [[nodiscard]] Rgb reflected_flux(GatherCursor& photons, const DiscQuery& query, const Vertex& vertex,
                                    std::uint32_t& count) const {
     if (vertex.bsdf.gather_is_lambert()) {
-      const FluxSum sum = tree.sum_flux(query);
+      const FluxSum sum = photons.sum_flux(query);
       count = sum.count;
       const double step = integrator.tracer_.flux_unit() / kFluxSteps;
       return vertex.bsdf.lambert_f() * Rgb{static_cast<float>(static_cast<double>(sum.steps[0]) * step),
                                            static_cast<float>(static_cast<double>(sum.steps[1]) * step),
                                            static_cast<float>(static_cast<double>(sum.steps[2]) * step)};
     }
-    const std::vector<std::uint32_t>& indices = found(tree, query);
+    const std::vector<std::uint32_t>& indices = found(photons, query);
     count = static_cast<std::uint32_t>(indices.size());
     Rgb sum{0.0f, 0.0f, 0.0f};
-    for (const std::uint32_t i : indices) sum += reflected_photon(tree, i, vertex);
+    for (const std::uint32_t i : indices) sum += reflected_photon(photons.tree(), i, vertex);
     return sum * static_cast<float>(integrator.tracer_.flux_unit());
   }
-  [[nodiscard]] static const std::vector<std::uint32_t>& found(const PhotonTree& tree, const DiscQuery& query) {
+  [[nodiscard]] static const std::vector<std::uint32_t>& found(GatherCursor& photons, const DiscQuery& query) {
     thread_local std::vector<std::uint32_t> indices;
     indices.clear();
-    tree.collect(query, indices);
+    photons.collect(query, indices);
     return indices;
   }
   /// One photon's part, in units of flux_unit().
@@ -251,41 +256,68 @@ struct ProgressiveMapping::RadianceSink {
   /// pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the Laplacian of [Hachisuka, Jarosz and
   /// Jensen 2010, 4.2], by a quadratic kernel over the same disc. Of the luminance; apart from the flux, whose bits must not
   /// depend on whether anybody asks for its error.
-  [[nodiscard]] float bias_moment(const PhotonTree& tree, const DiscQuery& query, const Vertex& vertex, const Rgb& beta) const {
+  [[nodiscard]] float bias_moment(GatherCursor& photons, const DiscQuery& query, const Vertex& vertex,
+                                  const Rgb& beta) const {
     float moment = 0.0f;
-    for (const std::uint32_t i : found(tree, query)) {
-      const Vec3f offset = tree.position(i) - query.position;
-      moment += luminance(beta * reflected_photon(tree, i, vertex)) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
+    for (const std::uint32_t i : found(photons, query)) {
+      const Vec3f offset = photons.tree().position(i) - query.position;
+      moment += luminance(beta * reflected_photon(photons.tree(), i, vertex)) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
     }
     return moment * static_cast<float>(integrator.tracer_.flux_unit());
   }
 };
 
+ProgressiveMapping::EyeSamples ProgressiveMapping::eye_samples(std::size_t pixel, std::uint64_t sub_pass) const {
+  if (sampling_.fixed > 0) return {0, sampling_.fixed};
+  const std::uint64_t count = allocation_->samples(pixel);
+  return {sub_pass * count, count};
+}
+
+void ProgressiveMapping::gather_pixel(int x, int y, std::uint64_t sub_pass, const std::vector<ProgressivePixel>& state,
+                                      Cursors& photons, Statistics& sums, TileFigures& figures) const {
+  const auto width = static_cast<std::size_t>(eye_.width());
+  const std::size_t pixel = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
+  const std::size_t i = points() * pixel;
+  const EyeSamples samples = eye_samples(pixel, sub_pass);
+  Tally tally(sums.pixels[i], nullptr, film_.scale, figures.faults);
+  PixelSequence lights = eye_.light_sequence(x, y, sub_pass);
+  const double ratio =
+      film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(sub_pass, film_.alpha) : 1.0;
+  RadianceSink sink{*this, photons, std::span(state).subspan(i, points()), std::span(sums.pixels).subspan(i, points()),
+                    sums.extras.empty() ? std::span<ExtraSums>() : std::span(sums.extras).subspan(i, points()),
+                    static_cast<float>(ratio), 1.0f / static_cast<float>(samples.count), 0.0f, nullptr,
+                    sampling_.fixed > 0 ? &lights : nullptr, figures, tally};
+  const EyePaths eye_paths(scene_, eye_, max_depth_);
+  const bool fixed = sampling_.fixed > 0;
+  const std::uint64_t shown = fixed ? sub_pass % sampling_.fixed : samples.first;
+  for (std::uint64_t sample = samples.first; sample < samples.first + samples.count; ++sample) {
+    sink.weight = fixed ? sink.direct_weight : sample == samples.first ? 1.0f : 0.0f;
+    sink.features = sub_pass < kFeatureSubPasses && sample == shown ? &sums.features[i] : nullptr;
+    eye_paths.follow(x, y, sample, sink);
+  }
+  tally.commit();
+}
+
 void ProgressiveMapping::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
+  if (sampling_.fixed == 0) {
+    std::call_once(allocating_, [&] { allocation_.emplace(scene_, eye_, max_depth_); });
+  }
   for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
     PhotonBatch batch = tracer_.trace(s);
     sums.photon_paths += tracer_.options().paths;
-    for (const PhotonArrays& photons : batch.flows) sums.photons_stored += photons.size();
+    for (const Photons& photons : batch.flows) sums.photons_stored += photons.size();
     sums.rays += batch.rays;
     sums.faults += batch.faults;
     const Trees trees = build_trees(std::move(batch));
-    const EyePaths eye_paths(scene_, eye_, max_depth_);
-    const double ratio =
-        film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(s, film_.alpha) : 1.0;
-    const float weight = sampling_.fixed > 0 ? 1.0f / static_cast<float>(sampling_.fixed) : 1.0f;
-    for_each_pixel(eye_.width(), eye_.height(), sums, [&](int x, int y, TileFigures& figures) {
-      const std::size_t i = points() * (static_cast<std::size_t>(y) * static_cast<std::size_t>(eye_.width()) + static_cast<std::size_t>(x));
-      Tally tally(sums.pixels[i], nullptr, film_.scale, figures.faults);
-      PixelSequence lights = eye_.light_sequence(x, y, s);
-      RadianceSink sink{*this, trees, std::span(state).subspan(i, points()), std::span(sums.pixels).subspan(i, points()),
-                        sums.extras.empty() ? std::span<ExtraSums>() : std::span(sums.extras).subspan(i, points()),
-                        static_cast<float>(ratio), weight, nullptr, sampling_.fixed > 0 ? &lights : nullptr, figures, tally};
-      for_each_eye_sample(s, [&](std::uint64_t sample) {
-        const bool counts = s < kFeatureSubPasses && (sampling_.fixed == 0 || sample == s % sampling_.fixed);
-        sink.features = counts ? &sums.features[i] : nullptr;
-        eye_paths.follow(x, y, sample, sink);
-      });
-      tally.commit();
+    for_each_tile(eye_.width(), eye_.height(), sums, [&](const Tile& tile, TileFigures& figures) {
+      Cursors photons{GatherCursor(trees[kCaustic]), GatherCursor(trees[kIndirect])};
+      for (int y = tile.y0; y < tile.y1; ++y) {
+        // There and back again: each pixel lies beside the one before, and the cursors meet nearly the same photons.
+        const bool back = (y - tile.y0) % 2 != 0;
+        for (int k = 0; k < tile.x1 - tile.x0; ++k) {
+          gather_pixel(back ? tile.x1 - 1 - k : tile.x0 + k, y, s, state, photons, sums, figures);
+        }
+      }
     });
     ++sums.sub_passes;
   }

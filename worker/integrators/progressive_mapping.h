@@ -1,9 +1,12 @@
 #pragma once
 
 #include <array>
+#include <mutex>
+#include <optional>
 
 #include "common/spec/job_spec.h"
 #include "worker/integrators/eye.h"
+#include "worker/integrators/eye_allocation.h"
 #include "worker/integrators/integrator.h"
 #include "worker/photon/photon_tracer.h"
 #include "worker/photon/photon_tree.h"
@@ -18,6 +21,7 @@ namespace pf {
 /// - caustic and indirect photons keep separate statistics: a narrow radius for edges, a wide one for smooth light;
 /// - the disc's area counts only where there is surface (covered_area.h), so that wide radii do not darken corners;
 /// - the first smooth boundaries split the eye path in two, so that a weak reflection of a lamp is no rare event;
+/// - pixels in which direct light varies take several samples of it a sub-pass and average them (eye_allocation.h);
 /// - rough reflections are gathered or followed by a share that is smooth in roughness (Bsdf::gather_share).
 class ProgressiveMapping : public Integrator {
  public:
@@ -28,25 +32,29 @@ class ProgressiveMapping : public Integrator {
  protected:
   /// Where the eye looks.
   struct EyeSampling {
-    std::uint64_t fixed = 0;  ///< eye samples that every sub-pass traces again, the same each time; 0: one new sample each
+    /// Eye samples that every sub-pass traces again, the same each time; 0: new ones each, as EyeAllocation says.
+    std::uint64_t fixed = 0;
     int hit_points = 1;       ///< statistics of a pixel; a pixel with more hit points lets the last ones share
   };
   ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec, const EyeSampling& sampling);
 
  private:
   using Trees = std::array<PhotonTree, kFlows>;
+  using Cursors = std::array<GatherCursor, kFlows>;
 
   [[nodiscard]] std::size_t points() const { return static_cast<std::size_t>(sampling_.hit_points); }
-  /// Calls `visit` with the eye samples of a sub-pass.
-  template <typename Visit>
-  void for_each_eye_sample(std::uint64_t sub_pass, Visit&& visit) const {
-    if (sampling_.fixed == 0) return visit(sub_pass);
-    for (std::uint64_t sample = 0; sample < sampling_.fixed; ++sample) visit(sample);
-  }
+  /// The eye samples [first, first + count) of a pixel in a sub-pass.
+  struct EyeSamples {
+    std::uint64_t first, count;
+  };
+  [[nodiscard]] EyeSamples eye_samples(std::size_t pixel, std::uint64_t sub_pass) const;
   [[nodiscard]] Trees build_trees(PhotonBatch batch) const;
   struct RadiusSink;
   struct RadianceSink;
-  [[nodiscard]] float first_radius2(const PhotonTree& tree, Flow flow, const Vertex& vertex, float footprint) const;
+  [[nodiscard]] float first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex, float footprint) const;
+  /// One pixel's eye samples of a sub-pass, whose photons `photons` asks.
+  void gather_pixel(int x, int y, std::uint64_t sub_pass, const std::vector<ProgressivePixel>& state, Cursors& photons,
+                    Statistics& sums, TileFigures& figures) const;
   void fill_missing_radii(std::vector<ProgressivePixel>& state) const;
 
   const Scene& scene_;
@@ -57,6 +65,9 @@ class ProgressiveMapping : public Integrator {
   double fixed_radius_;
   float scene_radius_;       ///< half the diagonal of the scene's bounds [m]
   int max_depth_;
+  /// Made by the first unit: who only looks at radii needs none.
+  mutable std::once_flag allocating_;
+  mutable std::optional<EyeAllocation> allocation_;
 };
 
 }  // namespace pf

@@ -92,6 +92,17 @@ struct Avx2 {
     sum.low = _mm256_add_epi32(sum.low, _mm256_cvtps_epi32(steps.low));
     sum.high = _mm256_add_epi32(sum.high, _mm256_cvtps_epi32(steps.high));
   }
+  static void add_one(Narrow& count, Mask mask) {  // a mask's lanes are minus one
+    count.low = _mm256_sub_epi32(count.low, _mm256_castps_si256(mask.low));
+    count.high = _mm256_sub_epi32(count.high, _mm256_castps_si256(mask.high));
+  }
+  static std::uint32_t total(const Narrow& count) {
+    alignas(32) std::uint32_t lanes[8];
+    _mm256_store_si256(reinterpret_cast<__m256i*>(lanes), _mm256_add_epi32(count.low, count.high));
+    std::uint32_t sum = 0;
+    for (const std::uint32_t lane : lanes) sum += lane;
+    return sum;
+  }
   static void widen(Steps& sum, const Narrow& steps) {
     for (const __m256i half : {steps.low, steps.high}) {
       sum.sum = _mm256_add_epi64(sum.sum, _mm256_cvtepi32_epi64(_mm256_castsi256_si128(half)));

@@ -49,6 +49,10 @@ struct Avx512 {
     const __m512i steps = _mm512_cvtps_epi32(_mm512_mul_ps(flux, set(static_cast<float>(kFluxSteps))));
     sum = _mm512_mask_add_epi32(sum, mask, sum, steps);
   }
+  static void add_one(Narrow& count, Mask mask) {
+    count = _mm512_mask_add_epi32(count, mask, count, _mm512_set1_epi32(1));
+  }
+  static std::uint32_t total(const Narrow& count) { return static_cast<std::uint32_t>(_mm512_reduce_add_epi32(count)); }
   static void widen(Steps& sum, const Narrow& steps) {
     sum.low = _mm512_add_epi64(sum.low, _mm512_cvtepi32_epi64(_mm512_castsi512_si256(steps)));
     sum.high = _mm512_add_epi64(sum.high, _mm512_cvtepi32_epi64(_mm512_extracti64x4_epi64(steps, 1)));

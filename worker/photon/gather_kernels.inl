@@ -133,36 +133,116 @@ void walk_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& vis
   }
 }
 
+/// A list for several queries reaches so many times as far as the first of them: a wider one serves more of them and holds
+/// more boxes for each to test.
+constexpr float kReachOfRadii = 2.25f;
+/// Sums of a distance and a radius round; boxes at the very edge of the list must not be missed.
+constexpr float kReachMargin = 0.9999f;
+constexpr int kQueriesToSkip = 16;
+
+/// Whether all blocks that the query can meet are in the list.
+inline bool reaches(const NearbyBlocks& nearby, const DiscQuery& query, float radius) {
+  return length(query.position - nearby.centre) + radius <= kReachMargin * nearby.reach;
+}
+
+/// Where the next queries will be looked for: ahead, as far as still leaves this one in reach, if it is a small step from the last.
+inline Vec3f centre_ahead(const NearbyBlocks& nearby, const DiscQuery& query, float radius) {
+  constexpr float kSmallStep = 2.0f;  // times what was reached
+  constexpr float kInReach = 0.9f;
+  const Vec3f step = query.position - nearby.centre;
+  const float distance = length(step);
+  if (!(distance > 0.0f && distance < kSmallStep * nearby.reach)) return query.position;
+  return query.position + step * (kInReach * (kReachOfRadii - 1.0f) * radius / distance);
+}
+
+/// Looks up the blocks around the query and beyond it; false when there are too many to keep.
+template <typename V>
+bool look_around(const PhotonTree& tree, const DiscQuery& query, float radius, NearbyBlocks& nearby) {
+  constexpr std::size_t kWidth = PhotonTree::kWidth;
+  if (nearby.queries_to_skip > 0) {
+    --nearby.queries_to_skip;
+    return false;
+  }
+  DiscQuery wide = query;
+  wide.position = centre_ahead(nearby, query, radius);
+  wide.radius2 = kReachOfRadii * kReachOfRadii * query.radius2;
+  BlockList list;
+  const std::size_t count = list_blocks(tree, QueryLanes<V>(wide), list);
+  if (count > NearbyBlocks::kMost) {
+    nearby.reach = -1.0f;
+    nearby.queries_to_skip = kQueriesToSkip;
+    return false;
+  }
+  nearby.centre = wide.position;
+  nearby.reach = kReachOfRadii * radius;
+  nearby.count = count;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t block = nearby.blocks[i] = list[i];
+    const PhotonTree::Node& from = tree.levels().front()[block / kWidth];
+    PhotonTree::Node& to = nearby.boxes[i / kWidth];
+    for (std::size_t a = 0; a < 3; ++a) {
+      to.lower[a][i % kWidth] = from.lower[a][block % kWidth];
+      to.upper[a][i % kWidth] = from.upper[a][block % kWidth];
+    }
+  }
+  for (std::size_t i = count; i % kWidth != 0; ++i) {  // boxes that nothing meets
+    for (auto& lower : nearby.boxes[i / kWidth].lower) lower[i % kWidth] = kInfinity;
+    for (auto& upper : nearby.boxes[i / kWidth].upper) upper[i % kWidth] = -kInfinity;
+  }
+  return true;
+}
+
+/// Lists the blocks among the nearby ones whose box meets the ball, in ascending order, and returns their number.
+template <typename V>
+std::size_t list_nearby(const NearbyBlocks& nearby, const QueryLanes<V>& lanes, BlockList& list) {
+  constexpr auto kWidth = static_cast<std::uint32_t>(PhotonTree::kWidth);
+  std::size_t found = 0;
+  for (std::uint32_t i = 0; i < nearby.count; i += kWidth) {
+    const std::uint32_t met = lanes.boxes(nearby.boxes[i / kWidth]);
+    V::append(list.data() + found, met, i);
+    found += static_cast<std::size_t>(std::popcount(met));
+  }
+  for (std::size_t i = 0; i < found; ++i) list[i] = nearby.blocks[list[i]];
+  return found;
+}
+
 /// Calls visit(index) for every block whose box meets the ball, in ascending order.
 template <typename V, typename Visit>
-void for_each_block(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& visit) {
+void for_each_block(const PhotonTree& tree, const QueryLanes<V>& lanes, NearbyBlocks* nearby, Visit&& visit) {
   BlockList list;
-  const std::size_t count = list_blocks(tree, lanes, list);
-  if (count > kMostListed) return walk_blocks(tree, lanes, visit);
+  std::size_t count = 0;
+  const float radius = std::sqrt(lanes.query.radius2);
+  if (nearby != nullptr &&
+      (reaches(*nearby, lanes.query, radius) || look_around<V>(tree, lanes.query, radius, *nearby))) {
+    count = list_nearby(*nearby, lanes, list);
+  } else {
+    count = list_blocks(tree, lanes, list);
+    if (count > kMostListed) return walk_blocks(tree, lanes, visit);
+  }
   for (std::size_t i = 0; i < count; ++i) visit(std::size_t{list[i]});
 }
 
 template <typename V>
-std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query) {
+std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby) {
   QueryLanes<V> lanes(query);
   std::uint32_t count = 0;
-  for_each_block<V>(tree, lanes, [&](std::size_t block) {
+  for_each_block<V>(tree, lanes, nearby, [&](std::size_t block) {
     count += static_cast<std::uint32_t>(std::popcount(V::bits(lanes.photons(tree, block))));
   });
   return count;
 }
 
 template <typename V>
-FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
+FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby) {
   QueryLanes<V> lanes(query);
-  std::uint32_t count = 0;
+  typename V::Narrow count = V::no_steps();  // stays in a register, where a plain integer would not
   typename V::Steps r{}, g{}, b{};
   const std::uint32_t room = tree.blocks_in_32_bits();
   if (room == 0) {
-    for_each_block<V>(tree, lanes, [&](std::size_t block) {
+    for_each_block<V>(tree, lanes, nearby, [&](std::size_t block) {
       const auto mask = lanes.photons(tree, block);
       const PhotonTree::Block& p = tree.blocks()[block];
-      count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
+      V::add_one(count, mask);
       V::add_steps(r, mask, V::load(p.r.data()));
       V::add_steps(g, mask, V::load(p.g.data()));
       V::add_steps(b, mask, V::load(p.b.data()));
@@ -174,10 +254,10 @@ FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
       narrow_r = narrow_g = narrow_b = V::no_steps();
     };
     std::uint32_t left = room;
-    for_each_block<V>(tree, lanes, [&](std::size_t block) {
+    for_each_block<V>(tree, lanes, nearby, [&](std::size_t block) {
       const auto mask = lanes.photons(tree, block);
       const PhotonTree::Block& p = tree.blocks()[block];
-      count += static_cast<std::uint32_t>(std::popcount(V::bits(mask)));
+      V::add_one(count, mask);
       V::add_narrow(narrow_r, mask, V::load(p.r.data()));
       V::add_narrow(narrow_g, mask, V::load(p.g.data()));
       V::add_narrow(narrow_b, mask, V::load(p.b.data()));
@@ -188,13 +268,14 @@ FluxSum sum_photons(const PhotonTree& tree, const DiscQuery& query) {
     });
     empty();
   }
-  return {count, {V::total(r), V::total(g), V::total(b)}};
+  return {V::total(count), {V::total(r), V::total(g), V::total(b)}};
 }
 
 template <typename V>
-void collect_photons(const PhotonTree& tree, const DiscQuery& query, std::vector<std::uint32_t>& indices) {
+void collect_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby,
+                     std::vector<std::uint32_t>& indices) {
   QueryLanes<V> lanes(query);
-  for_each_block<V>(tree, lanes, [&](std::size_t block) {
+  for_each_block<V>(tree, lanes, nearby, [&](std::size_t block) {
     const auto first = static_cast<std::uint32_t>(block * PhotonTree::kWidth);
     for (std::uint32_t bits = V::bits(lanes.photons(tree, block)); bits != 0; bits &= bits - 1) {
       indices.push_back(first + static_cast<std::uint32_t>(std::countr_zero(bits)));

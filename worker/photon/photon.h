@@ -45,56 +45,20 @@ inline constexpr float kNormalSteps = 127.0f;
   return byte(n.x) | (byte(n.y) << 8) | (byte(n.z) << 16);
 }
 
-/// A photon where it was stored; PhotonArrays says what its fields mean.
+/// A photon where it was stored, half a cache line.
 struct alignas(32) Photon {
-  Vec3f position;
-  Rgb flux;
-  std::uint32_t direction, normal;
+  Vec3f position;            ///< [m]
+  Rgb flux;                  ///< in units of the mean flux of an emitted path (PhotonTracer)
+  std::uint32_t direction;   ///< packed, towards where the photon came from
+  std::uint32_t normal;      ///< packed geometric normal, on the side that the photon came from
+
+  friend bool operator==(const Photon&, const Photon&) = default;
 };
+using Photons = std::vector<Photon>;
 
 [[nodiscard]] inline Photon make_photon(const Vec3f& position, const Rgb& flux, const Vec3f& towards_light,
                                         const Vec3f& surface_normal) {
   return {position, flux, pack_direction(towards_light), pack_normal(surface_normal)};
 }
-
-/// Photons of one flow, one array a field, 32 bytes a photon.
-struct PhotonArrays {
-  std::vector<float> x, y, z;                ///< position [m]
-  std::vector<float> r, g, b;                ///< flux, in units of the mean flux of an emitted path (PhotonTracer)
-  std::vector<std::uint32_t> direction;      ///< packed, towards where the photon came from
-  std::vector<std::uint32_t> normal;         ///< packed geometric normal, on the side that the photon came from
-
-  [[nodiscard]] std::size_t size() const { return x.size(); }
-  void resize(std::size_t count) {
-    for_each_field([&](auto field) { (this->*field).resize(count); });
-  }
-  void set(std::size_t i, const Photon& photon) {
-    x[i] = photon.position.x;
-    y[i] = photon.position.y;
-    z[i] = photon.position.z;
-    r[i] = photon.flux.x;
-    g[i] = photon.flux.y;
-    b[i] = photon.flux.z;
-    direction[i] = photon.direction;
-    normal[i] = photon.normal;
-  }
-  void push(const Vec3f& position, const Rgb& flux, const Vec3f& towards_light, const Vec3f& surface_normal) {
-    const Photon photon = make_photon(position, flux, towards_light, surface_normal);
-    x.push_back(photon.position.x);
-    y.push_back(photon.position.y);
-    z.push_back(photon.position.z);
-    r.push_back(photon.flux.x);
-    g.push_back(photon.flux.y);
-    b.push_back(photon.flux.z);
-    direction.push_back(photon.direction);
-    normal.push_back(photon.normal);
-  }
-  /// Calls `f` with every field array of this and the same of `others`.
-  template <typename F>
-  void for_each_field(F&& f) {
-    f(&PhotonArrays::x), f(&PhotonArrays::y), f(&PhotonArrays::z), f(&PhotonArrays::r), f(&PhotonArrays::g);
-    f(&PhotonArrays::b), f(&PhotonArrays::direction), f(&PhotonArrays::normal);
-  }
-};
 
 }  // namespace pf

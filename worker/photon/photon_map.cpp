@@ -77,25 +77,25 @@ class Balancer {
   std::vector<std::uint8_t>& axes_;
 };
 
-StoredPhoton make_stored(const PhotonArrays& photons, std::size_t i, std::uint32_t number, unsigned axis) {
+StoredPhoton make_stored(const Photon& photon, std::uint32_t number, unsigned axis) {
   const auto byte = [&](int k) {
-    return static_cast<float>(static_cast<std::int8_t>(photons.normal[i] >> (8 * k)));
+    return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k)));
   };
   const Vec3f normal = normalize({byte(0), byte(1), byte(2)});
   StoredPhoton stored;
-  stored.position = {photons.x[i], photons.y[i], photons.z[i]};
-  stored.flux = pack_rgbe({photons.r[i], photons.g[i], photons.b[i]}, mix_bits(number ^ 0x9E3779B9u));
+  stored.position = {photon.position.x, photon.position.y, photon.position.z};
+  stored.flux = pack_rgbe(photon.flux, mix_bits(number ^ 0x9E3779B9u));
   stored.direction =
-      static_cast<std::uint16_t>(pack_octahedral<kDirectionSteps, 8>(unpack_direction(photons.direction[i])));
+      static_cast<std::uint16_t>(pack_octahedral<kDirectionSteps, 8>(unpack_direction(photon.direction)));
   stored.flags = static_cast<std::uint16_t>(pack_octahedral<kNormalMapSteps, 7>(normal) << 2 | axis);
   return stored;
 }
 
 }  // namespace
 
-PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
+PhotonMap::PhotonMap(std::span<const Photons* const> flows) {
   std::vector<std::size_t> starts;
-  for (const PhotonArrays* flow : flows) {
+  for (const Photons* flow : flows) {
     starts.push_back(count_);
     count_ += flow->size();
   }
@@ -103,11 +103,11 @@ PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
   constexpr std::size_t kGrain = 16384;
   std::vector<Key> keys(count_);
   for (std::size_t f = 0; f < flows.size(); ++f) {
-    const PhotonArrays& photons = *flows[f];
+    const Photons& photons = *flows[f];
     parallel_ranges(photons.size(), kGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        keys[starts[f] + i] = {{photons.x[i], photons.y[i], photons.z[i]},
-                               static_cast<std::uint32_t>(starts[f] + i)};
+        const Vec3f& at = photons[i].position;
+        keys[starts[f] + i] = {{at.x, at.y, at.z}, static_cast<std::uint32_t>(starts[f] + i)};
       }
     });
   }
@@ -121,7 +121,7 @@ PhotonMap::PhotonMap(std::span<const PhotonArrays* const> flows) {
       const std::uint32_t number = source[node];
       const auto after = std::upper_bound(starts.begin(), starts.end(), std::size_t{number});
       const auto f = static_cast<std::size_t>(after - starts.begin()) - 1;
-      photons_[node] = make_stored(*flows[f], number - starts[f], number, axes[node]);
+      photons_[node] = make_stored((*flows[f])[number - starts[f]], number, axes[node]);
     }
   });
   bricks_ = MapBricks(photons_);

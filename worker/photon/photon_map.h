@@ -45,7 +45,7 @@ class PhotonMap {
  public:
   PhotonMap() = default;
   /// Sorts all photons of `flows` into one tree, in parallel; the same bytes on any number of threads.
-  explicit PhotonMap(std::span<const PhotonArrays* const> flows);
+  explicit PhotonMap(std::span<const Photons* const> flows);
 
   [[nodiscard]] std::size_t size() const { return count_; }
   [[nodiscard]] bool empty() const { return count_ == 0; }

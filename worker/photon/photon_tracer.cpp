@@ -59,7 +59,7 @@ PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
 
 /// Photons of some paths, a record each.
 struct PhotonTracer::Part {
-  std::array<std::vector<Photon>, kFlows + 1> flows;  ///< the last one: direct
+  std::array<Photons, kFlows + 1> flows;  ///< the last one: direct
   std::uint64_t rays = 0;
   std::uint64_t lost = 0;
   Faults faults;
@@ -301,7 +301,7 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
     trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](const auto&, const auto&) {});
   });
   for (std::size_t flow = 0; flow <= kFlows; ++flow) {
-    PhotonArrays& joined = flow < kFlows ? all.flows[flow] : all.direct;
+    Photons& joined = flow < kFlows ? all.flows[flow] : all.direct;
     std::vector<std::size_t> starts(chunks);
     std::size_t count = 0;
     for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) {
@@ -310,8 +310,8 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
     }
     joined.resize(count);
     parallel_for(chunks, [&](std::size_t chunk) {
-      std::vector<Photon>& photons = parts[chunk].flows[flow];
-      for (std::size_t i = 0; i < photons.size(); ++i) joined.set(starts[chunk] + i, photons[i]);
+      Photons& photons = parts[chunk].flows[flow];
+      std::copy(photons.begin(), photons.end(), joined.begin() + static_cast<std::ptrdiff_t>(starts[chunk]));
       photons = {};
     });
   }

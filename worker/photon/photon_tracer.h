@@ -30,8 +30,8 @@ struct PhotonOptions {
 
 /// Photons of one sub-pass, by flow, and what tracing them took.
 struct PhotonBatch {
-  std::array<PhotonArrays, kFlows> flows;
-  PhotonArrays direct;           ///< straight from a lamp; empty without PhotonOptions::direct
+  std::array<Photons, kFlows> flows;
+  Photons direct;           ///< straight from a lamp; empty without PhotonOptions::direct
   std::uint64_t rays = 0;
   std::uint64_t lost = 0;        ///< paths whose first ray met nothing
   Faults faults;

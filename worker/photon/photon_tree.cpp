@@ -72,9 +72,9 @@ std::uint64_t hilbert_key(std::uint64_t morton) {
   return key;
 }
 
-Box3f bounds_of(const PhotonArrays& p) {
+Box3f bounds_of(const Photons& p) {
   Box3f box;
-  for (std::size_t i = 0; i < p.size(); ++i) box.extendBy({p.x[i], p.y[i], p.z[i]});
+  for (const Photon& photon : p) box.extendBy(photon.position);
   return box;
 }
 
@@ -85,7 +85,7 @@ struct Keyed {
 
 /// Photons along a Hilbert curve of 21 bits an axis: photons of a small caustic stay apart in a large scene. Unlike Morton's,
 /// the curve never jumps, so that any run of photons is compact: a query meets a fifth fewer blocks and a third fewer nodes.
-std::vector<std::uint32_t> hilbert_order(const PhotonArrays& p) {
+std::vector<std::uint32_t> hilbert_order(const Photons& p) {
   const Box3f box = bounds_of(p);
   const Vec3f size = box.size();
   const float extent = std::max({size.x, size.y, size.z, std::numeric_limits<float>::min()});
@@ -94,9 +94,10 @@ std::vector<std::uint32_t> hilbert_order(const PhotonArrays& p) {
   constexpr std::size_t kGrain = 16384;
   parallel_ranges(p.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
+      const Vec3f& at = p[i].position;
       const auto cell = [&](float v, float low) { return spread_bits(static_cast<std::uint64_t>((v - low) * scale)); };
       const std::uint64_t morton =
-          cell(p.x[i], box.min.x) | cell(p.y[i], box.min.y) << 1 | cell(p.z[i], box.min.z) << 2;
+          cell(at.x, box.min.x) | cell(at.y, box.min.y) << 1 | cell(at.z, box.min.z) << 2;
       keyed[i] = {hilbert_key(morton), static_cast<std::uint32_t>(i)};
     }
   });
@@ -113,7 +114,7 @@ std::vector<std::uint32_t> hilbert_order(const PhotonArrays& p) {
     for (const Keyed& k : keyed) other[start[(k.key >> shift) & (kDigits - 1)]++] = k;
     keyed.swap(other);
   }
-  other = {};  // before the next allocation: with 32 bytes a photon of arrays, sorting stays within 64
+  other = {};  // before the next allocation: with 32 bytes a photon, sorting stays within 64
   std::vector<std::uint32_t> order(keyed.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = keyed[i].index;
   return order;
@@ -121,7 +122,7 @@ std::vector<std::uint32_t> hilbert_order(const PhotonArrays& p) {
 
 }  // namespace
 
-PhotonTree::PhotonTree(PhotonArrays photons) : count_(photons.size()) {
+PhotonTree::PhotonTree(Photons photons) : count_(photons.size()) {
   if (count_ == 0) return;
   fill_blocks(photons);
   photons = {};
@@ -129,7 +130,7 @@ PhotonTree::PhotonTree(PhotonArrays photons) : count_(photons.size()) {
   summarise_blocks();
 }
 
-void PhotonTree::fill_blocks(const PhotonArrays& photons) {
+void PhotonTree::fill_blocks(const Photons& photons) {
   const std::vector<std::uint32_t> order = hilbert_order(photons);
   blocks_.resize((count_ + kWidth - 1) / kWidth);
   constexpr std::size_t kGrain = 1024;
@@ -137,12 +138,12 @@ void PhotonTree::fill_blocks(const PhotonArrays& photons) {
     for (std::size_t i = begin; i < end; ++i) {
       Block& block = blocks_[i];
       const std::size_t used = std::min(kWidth, count_ - i * kWidth);
-      const auto take = [&](auto& to, const auto& from) {
-        for (std::size_t k = 0; k < used; ++k) to[k] = from[order[i * kWidth + k]];
-      };
-      take(block.x, photons.x), take(block.y, photons.y), take(block.z, photons.z);
-      take(block.r, photons.r), take(block.g, photons.g), take(block.b, photons.b);
-      take(block.direction, photons.direction), take(block.normal, photons.normal);
+      for (std::size_t k = 0; k < used; ++k) {
+        const Photon& photon = photons[order[i * kWidth + k]];
+        block.x[k] = photon.position.x, block.y[k] = photon.position.y, block.z[k] = photon.position.z;
+        block.r[k] = photon.flux.x, block.g[k] = photon.flux.y, block.b[k] = photon.flux.z;
+        block.direction[k] = photon.direction, block.normal[k] = photon.normal;
+      }
       for (std::size_t k = used; k < kWidth; ++k) block.x[k] = block.y[k] = block.z[k] = kInfinity;
     }
   });
@@ -201,19 +202,33 @@ PhotonTree::Isa PhotonTree::best_isa() {
 }
 
 namespace {
-const GatherKernels& tree_kernels(PhotonTree::Isa isa) {
-  return isa == PhotonTree::Isa::kAvx512 ? gather_kernels_avx512() : gather_kernels_avx2();
+
+const GatherKernels& kernels_of(const PhotonTree& tree) {
+  return tree.isa() == PhotonTree::Isa::kAvx512 ? gather_kernels_avx512() : gather_kernels_avx2();
 }
+std::uint32_t count_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby) {
+  return tree.size() == 0 ? 0 : kernels_of(tree).count(tree, query, nearby);
+}
+FluxSum sum_of_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby) {
+  return tree.size() == 0 ? FluxSum{} : kernels_of(tree).sum_flux(tree, query, nearby);
+}
+void append_photons(const PhotonTree& tree, const DiscQuery& query, NearbyBlocks* nearby,
+                    std::vector<std::uint32_t>& indices) {
+  if (tree.size() != 0) kernels_of(tree).collect(tree, query, nearby, indices);
+}
+
 }  // namespace
 
-std::uint32_t PhotonTree::count(const DiscQuery& query) const {
-  return count_ == 0 ? 0 : tree_kernels(isa_).count(*this, query);
-}
-FluxSum PhotonTree::sum_flux(const DiscQuery& query) const {
-  return count_ == 0 ? FluxSum{} : tree_kernels(isa_).sum_flux(*this, query);
-}
+std::uint32_t PhotonTree::count(const DiscQuery& query) const { return count_photons(*this, query, nullptr); }
+FluxSum PhotonTree::sum_flux(const DiscQuery& query) const { return sum_of_photons(*this, query, nullptr); }
 void PhotonTree::collect(const DiscQuery& query, std::vector<std::uint32_t>& indices) const {
-  if (count_ != 0) tree_kernels(isa_).collect(*this, query, indices);
+  append_photons(*this, query, nullptr, indices);
+}
+
+std::uint32_t GatherCursor::count(const DiscQuery& query) { return count_photons(tree_, query, &nearby_); }
+FluxSum GatherCursor::sum_flux(const DiscQuery& query) { return sum_of_photons(tree_, query, &nearby_); }
+void GatherCursor::collect(const DiscQuery& query, std::vector<std::uint32_t>& indices) {
+  append_photons(tree_, query, &nearby_, indices);
 }
 
 }  // namespace pf

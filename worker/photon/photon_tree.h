@@ -54,7 +54,7 @@ class PhotonTree {
 
   PhotonTree() = default;
   /// Sorts the photons (in parallel); takes them over.
-  explicit PhotonTree(PhotonArrays photons);
+  explicit PhotonTree(Photons photons);
 
   [[nodiscard]] std::size_t size() const { return count_; }
   /// Number of photons that the query accepts.
@@ -72,6 +72,7 @@ class PhotonTree {
   enum class Isa { kAvx2, kAvx512 };
   [[nodiscard]] static Isa best_isa();
   void use_isa(Isa isa) { isa_ = isa; }
+  [[nodiscard]] Isa isa() const { return isa_; }
 
   /// Nodes of each level, from the boxes of the blocks up; the last has one node. Unused boxes are such that nothing meets them.
   [[nodiscard]] const std::vector<std::vector<Node>>& levels() const { return levels_; }
@@ -87,7 +88,7 @@ class PhotonTree {
   [[nodiscard]] T at(std::array<T, kWidth> Block::*field, std::size_t i) const {
     return (blocks_[i / kWidth].*field)[i % kWidth];
   }
-  void fill_blocks(const PhotonArrays& photons);
+  void fill_blocks(const Photons& photons);
   void build_levels();
   void summarise_blocks();
 
@@ -99,11 +100,37 @@ class PhotonTree {
   Isa isa_ = best_isa();
 };
 
-/// The query code, once per instruction set.
+/// Blocks of a tree that meet a ball, with their boxes side by side.
+struct NearbyBlocks {
+  static constexpr std::size_t kMost = 128;
+  Vec3f centre{0, 0, 0};
+  float reach = -1.0f;            ///< radius of the ball [m]; negative: none yet
+  std::size_t count = 0;
+  int queries_to_skip = 0;        ///< the last ball met too many blocks: so many queries ask the tree itself
+  std::array<PhotonTree::Node, kMost / PhotonTree::kWidth> boxes;
+  std::array<std::uint32_t, kMost> blocks;  ///< ascending
+};
+
+/// Queries to one tree, one after the other: neighbouring pixels meet nearly the same blocks, which are looked up in the tree
+/// once for several of them. Answers are those of the tree, to the bit. For one thread; the tree must outlive it.
+class GatherCursor {
+ public:
+  explicit GatherCursor(const PhotonTree& tree) : tree_(tree) {}
+  [[nodiscard]] std::uint32_t count(const DiscQuery& query);
+  [[nodiscard]] FluxSum sum_flux(const DiscQuery& query);
+  void collect(const DiscQuery& query, std::vector<std::uint32_t>& indices);
+  [[nodiscard]] const PhotonTree& tree() const { return tree_; }
+
+ private:
+  const PhotonTree& tree_;
+  NearbyBlocks nearby_;
+};
+
+/// The query code, once per instruction set; `nearby` may be null.
 struct GatherKernels {
-  std::uint32_t (*count)(const PhotonTree&, const DiscQuery&);
-  FluxSum (*sum_flux)(const PhotonTree&, const DiscQuery&);
-  void (*collect)(const PhotonTree&, const DiscQuery&, std::vector<std::uint32_t>&);
+  std::uint32_t (*count)(const PhotonTree&, const DiscQuery&, NearbyBlocks* nearby);
+  FluxSum (*sum_flux)(const PhotonTree&, const DiscQuery&, NearbyBlocks* nearby);
+  void (*collect)(const PhotonTree&, const DiscQuery&, NearbyBlocks* nearby, std::vector<std::uint32_t>&);
 };
 [[nodiscard]] const GatherKernels& gather_kernels_avx2();
 [[nodiscard]] const GatherKernels& gather_kernels_avx512();

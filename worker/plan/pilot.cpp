@@ -77,7 +77,7 @@ PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
   pilot.photon_rays = static_cast<double>(batch.rays) / kPilotPhotons;
   for (const Flow flow : {kCaustic, kIndirect}) {
     pilot.stored[flow] = static_cast<double>(batch.flows[flow].size()) / kPilotPhotons;
-    const PhotonArrays* arrays[] = {&batch.flows[flow]};
+    const Photons* arrays[] = {&batch.flows[flow]};
     maps.of[flow] =
         MapEstimate(scene, arrays, tracer.flux_unit(), {.nearest = kNearest, .filter = PhotonFilter::kDisc});
   }

@@ -18,9 +18,9 @@ namespace pf {
 namespace {
 
 /// Photons in a dense spot, over a floor, under it, on a wall, and many at one place.
-PhotonArrays some_photons(int count) {
+Photons some_photons(int count) {
   PathRng rng(3, Stream::kTest, 0, 7);
-  PhotonArrays photons;
+  Photons photons;
   for (int i = 0; i < count; ++i) {
     const Vec2f xz = (rng.next2() - Vec2f(0.5f, 0.5f)) * (i % 3 == 0 ? 0.01f : 1.0f);
     Vec3f position{xz.x, 0.0f, xz.y}, normal{0, 1, 0};
@@ -30,13 +30,14 @@ PhotonArrays some_photons(int count) {
       position = {-0.5f, rng.next1(), xz.y};
     }
     if (i % 13 == 0) position = {0.25f, 0.0f, 0.25f};
-    photons.push(position, Rgb{rng.next1(), rng.next1(), rng.next1()}, sample_sphere(rng.next2()), normal);
+    const Rgb flux{rng.next1(), rng.next1(), rng.next1()};
+    photons.push_back(make_photon(position, flux, sample_sphere(rng.next2()), normal));
   }
   return photons;
 }
 
-PhotonMap map_of(const PhotonArrays& photons) {
-  const PhotonArrays* flows[] = {&photons};
+PhotonMap map_of(const Photons& photons) {
+  const Photons* flows[] = {&photons};
   return PhotonMap(flows);
 }
 
@@ -151,7 +152,7 @@ TEST(PhotonMap, TakesTwentyBytesAPhoton) {
 }
 
 TEST(PhotonMap, HasTheSameBytesOnAnyNumberOfThreads) {
-  const PhotonArrays photons = some_photons(50000);
+  const Photons photons = some_photons(50000);
   std::vector<StoredPhoton> first;
   for (const int threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
@@ -166,14 +167,14 @@ TEST(PhotonMap, HasTheSameBytesOnAnyNumberOfThreads) {
 }
 
 TEST(PhotonMap, KeepsEveryPhotonOfAllFlows) {
-  const PhotonArrays a = some_photons(500), b = some_photons(123), none;
-  const PhotonArrays* flows[] = {&a, &none, &b};
+  const Photons a = some_photons(500), b = some_photons(123), none;
+  const Photons* flows[] = {&a, &none, &b};
   const PhotonMap map{flows};
   ASSERT_EQ(map.size(), 623u);
   double sum = 0.0, expected = 0.0;
   for (const StoredPhoton& p : map.photons()) sum += static_cast<double>(p.position[0]);
-  for (const PhotonArrays* flow : flows) {
-    for (const float x : flow->x) expected += static_cast<double>(x);
+  for (const Photons* flow : flows) {
+    for (const Photon& photon : *flow) expected += static_cast<double>(photon.position.x);
   }
   EXPECT_NEAR(sum, expected, 1e-9);
 }
@@ -287,10 +288,10 @@ TEST(PhotonMap, DensityOfUniformPhotonsIsUnbiased) {
     NearestPhotons found;
     for (std::uint32_t run = 0; run < 1500; ++run) {
       PathRng rng(11, Stream::kTest, 1, run);
-      PhotonArrays photons;
+      Photons photons;
       for (int i = 0; i < kPhotons; ++i) {
         const Vec2f p = rng.next2();
-        photons.push({p.x, 0, p.y}, {1, 1, 1}, {0, 1, 0}, {0, 1, 0});
+        photons.push_back(make_photon({p.x, 0, p.y}, {1, 1, 1}, {0, 1, 0}, {0, 1, 0}));
       }
       const PhotonMap map = map_of(photons);
       map.nearest({{0.5f, 0, 0.5f}, {0, 1, 0}, expected_within / (kPi * kPhotons), 20, false}, found);

@@ -39,7 +39,7 @@ TEST(PhotonRays, EndWherePhotonTracerStoresPhotons) {
     for (const PhotonSegment& s : segments) {
       if (s.flow == flow) ends.push_back((s.origin + s.direction * s.length).x);
     }
-    stored = photons.flows[flow].x;
+    for (const Photon& photon : photons.flows[flow]) stored.push_back(photon.position.x);
     ASSERT_GT(stored.size(), 100u);
     std::sort(ends.begin(), ends.end());
     for (const float x : stored) {

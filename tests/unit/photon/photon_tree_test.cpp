@@ -12,9 +12,9 @@ namespace pf {
 namespace {
 
 /// Photons in a dense spot, spread over a floor, on the floor's underside and on a wall.
-PhotonArrays some_photons(int count) {
+Photons some_photons(int count) {
   PathRng rng(3, Stream::kTest, 0, 0);
-  PhotonArrays photons;
+  Photons photons;
   for (int i = 0; i < count; ++i) {
     const float spread = i % 3 == 0 ? 0.01f : 1.0f;
     const Vec2f xz = (rng.next2() - Vec2f(0.5f, 0.5f)) * spread;
@@ -26,29 +26,28 @@ PhotonArrays some_photons(int count) {
       position = {-0.5f, rng.next1(), xz.y};
     }
     const Rgb flux = Rgb{rng.next1(), rng.next1(), rng.next1()} * 3.0f;
-    photons.push(position, flux, sample_sphere(rng.next2()), normal);
+    photons.push_back(make_photon(position, flux, sample_sphere(rng.next2()), normal));
   }
   return photons;
 }
 
-bool accepts(const DiscQuery& q, const PhotonArrays& p, std::size_t i) {
-  const Vec3f d = Vec3f{p.x[i], p.y[i], p.z[i]} - q.position;
+bool accepts(const DiscQuery& q, const Photon& photon) {
+  const Vec3f d = photon.position - q.position;
   if (d.x * d.x + d.y * d.y + d.z * d.z > q.radius2) return false;
   if (std::abs(d.x * q.normal.x + d.y * q.normal.y + d.z * q.normal.z) > kPlaneTolerance * std::sqrt(q.radius2)) return false;
-  const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(p.normal[i] >> (8 * k))); };
+  const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k))); };
   float facing = byte(0) * q.normal.x + byte(1) * q.normal.y + byte(2) * q.normal.z;
   if (q.both_sides) facing = std::abs(facing);
   return facing >= kMinNormalCosine * kNormalSteps;
 }
 
-FluxSum brute_force(const DiscQuery& q, const PhotonArrays& p) {
+FluxSum brute_force(const DiscQuery& q, const Photons& photons) {
   FluxSum sum;
-  for (std::size_t i = 0; i < p.size(); ++i) {
-    if (!accepts(q, p, i)) continue;
+  for (const Photon& photon : photons) {
+    if (!accepts(q, photon)) continue;
     ++sum.count;
     for (std::size_t c = 0; c < 3; ++c) {
-      const float f = c == 0 ? p.r[i] : c == 1 ? p.g[i] : p.b[i];
-      sum.steps[c] += std::llrint(static_cast<double>(f) * kFluxSteps);
+      sum.steps[c] += std::llrint(static_cast<double>(photon.flux[static_cast<int>(c)]) * kFluxSteps);
     }
   }
   return sum;
@@ -63,8 +62,8 @@ std::vector<PhotonTree::Isa> isas() {
 class PhotonTreeOfSize : public testing::TestWithParam<int> {};
 
 TEST_P(PhotonTreeOfSize, FindsExactlyWhatBruteForceFinds) {
-  const PhotonArrays photons = some_photons(GetParam());
-  PhotonTree tree{PhotonArrays(photons)};
+  const Photons photons = some_photons(GetParam());
+  PhotonTree tree{Photons(photons)};
   PathRng rng(5, Stream::kTest, 0, 1);
   for (int i = 0; i < 400; ++i) {
     DiscQuery q;
@@ -89,16 +88,40 @@ TEST_P(PhotonTreeOfSize, FindsExactlyWhatBruteForceFinds) {
   }
 }
 
+TEST_P(PhotonTreeOfSize, ACursorFindsExactlyWhatTheTreeFinds) {
+  PhotonTree tree{some_photons(GetParam())};
+  for (const PhotonTree::Isa isa : isas()) {
+    tree.use_isa(isa);
+    GatherCursor cursor(tree);
+    PathRng rng(7, Stream::kTest, 0, 3);
+    Vec3f at{0, 0, 0};
+    for (int i = 0; i < 3000; ++i) {
+      // Small steps as from pixel to pixel, now and then a jump, and radii that change by a factor of a hundred in between.
+      const float step = i % 100 == 0 ? 1.0f : 0.004f;
+      at += Vec3f{rng.next1() - 0.5f, 0.0f, rng.next1() - 0.5f} * step;
+      const float radius = i / 37 % 3 == 0 ? 0.002f : i / 37 % 3 == 1 ? 0.02f : 0.2f;
+      const DiscQuery q{at, {0, 1, 0}, radius * radius * (0.9f + 0.2f * rng.next1()), i % 3 == 0};
+      const FluxSum expected = tree.sum_flux(q);
+      const FluxSum found = cursor.sum_flux(q);
+      ASSERT_EQ(found.count, expected.count) << i;
+      ASSERT_EQ(found.steps, expected.steps) << i;
+      ASSERT_EQ(cursor.count(q), expected.count) << i;
+      std::vector<std::uint32_t> indices, same;
+      tree.collect(q, indices);
+      cursor.collect(q, same);
+      ASSERT_EQ(indices, same) << i;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Sizes, PhotonTreeOfSize, testing::Values(0, 1, 15, 16, 17, 255, 257, 4097, 30000));
 
 TEST(PhotonTree, SumsOfPhotonsOfAnyStrengthAreExact) {
   // Sums of 32 bits hold a few blocks, one block, or not even a photon.
   for (const float strength : {1.0f, 10.0f, 40.0f, 130.0f, 1e5f}) {
-    PhotonArrays photons = some_photons(5000);
-    for (auto* channel : {&photons.r, &photons.g, &photons.b}) {
-      for (float& flux : *channel) flux *= strength;
-    }
-    PhotonTree tree{PhotonArrays(photons)};
+    Photons photons = some_photons(5000);
+    for (Photon& photon : photons) photon.flux *= strength;
+    PhotonTree tree{Photons(photons)};
     const DiscQuery q{{0, 0, 0}, {0, 1, 0}, 1.0f, false};
     const FluxSum expected = brute_force(q, photons);
     for (const PhotonTree::Isa isa : isas()) {
@@ -109,11 +132,11 @@ TEST(PhotonTree, SumsOfPhotonsOfAnyStrengthAreExact) {
 }
 
 TEST(PhotonTree, FindsPhotonsAtTheEdgeOfTheirBounds) {
-  const PhotonArrays photons = some_photons(2000);
-  const PhotonTree tree{PhotonArrays(photons)};
+  const Photons photons = some_photons(2000);
+  const PhotonTree tree{Photons(photons)};
   for (std::size_t i = 0; i < photons.size(); i += 17) {
     DiscQuery q;
-    const Vec3f p{photons.x[i], photons.y[i], photons.z[i]};
+    const Vec3f p = photons[i].position;
     q.normal = Vec3f{0, 1, 0};
     q.radius2 = 1e-4f;
     // Outside the bounding box of all photons, but nearer than the radius.
@@ -123,22 +146,17 @@ TEST(PhotonTree, FindsPhotonsAtTheEdgeOfTheirBounds) {
 }
 
 TEST(PhotonTree, AcceptsAllPhotonsAtOnePlace) {
-  PhotonArrays photons;
-  for (int i = 0; i < 1000; ++i) photons.push({1, 2, 3}, {1, 1, 1}, {0, 1, 0}, {0, 1, 0});
+  Photons photons;
+  for (int i = 0; i < 1000; ++i) photons.push_back(make_photon({1, 2, 3}, {1, 1, 1}, {0, 1, 0}, {0, 1, 0}));
   const PhotonTree tree(std::move(photons));
   EXPECT_EQ(tree.count({{1, 2, 3}, {0, 1, 0}, 1e-12f, false}), 1000u);
   EXPECT_EQ(tree.count({{1, 2, 3.1f}, {0, 1, 0}, 1e-12f, false}), 0u);
 }
 
 TEST(PhotonTree, SumsDoNotDependOnTheOrderOfPhotons) {
-  const PhotonArrays photons = some_photons(5000);
-  PhotonArrays reversed;
-  for (std::size_t i = photons.size(); i-- > 0;) {
-    reversed.push({photons.x[i], photons.y[i], photons.z[i]}, {photons.r[i], photons.g[i], photons.b[i]},
-                  unpack_direction(photons.direction[i]), {0, 1, 0});
-    reversed.normal.back() = photons.normal[i];
-  }
-  const PhotonTree a{PhotonArrays(photons)};
+  const Photons photons = some_photons(5000);
+  Photons reversed(photons.rbegin(), photons.rend());
+  const PhotonTree a{Photons(photons)};
   const PhotonTree b(std::move(reversed));
   const DiscQuery q{{0.01f, 0, 0.02f}, {0, 1, 0}, 0.04f, false};
   ASSERT_GT(a.count(q), 10u);

@@ -78,10 +78,10 @@ TEST_P(ProjectionMapOf, LosesFewerPhotonsAndKeepsTheMeanFlux) {
     for (std::uint64_t s = 0; s < 20; ++s) {
       const PhotonBatch batch = tracer.trace(s);
       lost += batch.lost;
-      const PhotonArrays* flows[] = {&batch.direct, &batch.flows[kCaustic], &batch.flows[kIndirect]};
+      const Photons* flows[] = {&batch.direct, &batch.flows[kCaustic], &batch.flows[kIndirect]};
       for (std::size_t f = 0; f < 3; ++f) {
         double sum = 0.0;
-        for (const float flux : flows[f]->g) sum += static_cast<double>(flux) * tracer.flux_unit();
+        for (const Photon& photon : *flows[f]) sum += static_cast<double>(photon.flux.y) * tracer.flux_unit();
         totals[f].push_back(sum);
       }
     }
@@ -120,7 +120,7 @@ TEST(ProjectionMap, CausticPhotonsThroughSpecularCellsKeepTheirMeanFlux) {
       const PhotonTracer& tracer = i == 0 ? without : with;
       double sum = 0.0;
       const PhotonBatch batch = tracer.trace(s);
-      for (const float flux : batch.flows[kCaustic].g) sum += static_cast<double>(flux) * tracer.flux_unit();
+      for (const Photon& photon : batch.flows[kCaustic]) sum += static_cast<double>(photon.flux.y) * tracer.flux_unit();
       totals[i].push_back(sum);
     }
   }
