@@ -5,9 +5,9 @@
 namespace pf {
 namespace {
 
-/// Of the time that an image took to make, before it is made again: 4 % of a core goes into each image at
-/// most.
-constexpr int kPause = 24;
+/// Of the time that an image took to make, before it is made again: 1 % of a core goes into each image at
+/// most, however many watch.
+constexpr int kPause = 99;
 constexpr std::size_t kMaxEntries = 64;
 
 }  // namespace

@@ -16,7 +16,7 @@ namespace {
 using Instant = std::chrono::steady_clock::time_point;
 
 constexpr double kWaitSeconds = 0.25;  // how late a stop or a lost client may be noticed
-constexpr double kLeastPause = 0.1;    // between two events
+constexpr double kLeastPause = 0.5;    // between two events
 
 Instant now() { return std::chrono::steady_clock::now(); }
 double seconds_since(Instant t) { return std::chrono::duration<double>(now() - t).count(); }

@@ -30,8 +30,8 @@ const kSpec = {
 
 /** One page, until `signal` ends; what it does is in coordinator/web/src (events.ts, pixels.ts). */
 async function client(farm, id, signal, counts) {
-  const get = async (path) => {
-    const reply = await fetch(farm.url + path, { headers: { Authorization: `Bearer ${farm.token}` }, signal });
+  const get = async (path, headers = {}) => {
+    const reply = await fetch(farm.url + path, { headers: { Authorization: `Bearer ${farm.token}`, ...headers }, signal });
     ++counts.requests;
     return reply;
   };
@@ -56,14 +56,16 @@ async function client(farm, id, signal, counts) {
     }
   };
   const draw = async () => {
-    let passes = 0, last = -Infinity;
+    let passes = 0, last = -Infinity, etag = "";
     while (!signal.aborted) {
       const since = performance.now() - last;
       const due = job !== undefined && since > 700 && job.passes_done > passes && (job.passes_done >= 1.1 * passes || since > 15_000);
       if (due) {
         last = performance.now();
-        const reply = await get(`/v1/jobs/${id}/pixels?layer=beauty&max_width=640`);
+        const reply = await get(`/v1/jobs/${id}/pixels?layer=beauty&max_width=640`, etag === "" ? {} : { "If-None-Match": etag });
         counts.bytes += (await reply.arrayBuffer()).byteLength;
+        if (reply.status === 304) continue;
+        etag = reply.headers.get("ETag");
         passes = Number(reply.headers.get("Photonfarm-Passes"));
         ++counts.images;
       }
@@ -71,7 +73,7 @@ async function client(farm, id, signal, counts) {
     }
   };
   const quiet = (promise) => promise.catch((error) => void (signal.aborted || (counts.failed = String(error))));
-  await Promise.all([watch(), draw(), repeat(`/v1/jobs/${id}/logs?after=0`, 1.2), repeat(`/v1/jobs/${id}/convergence`, 3), repeat("/v1/workers", 2)].map(quiet));
+  await Promise.all([watch(), draw(), repeat(`/v1/jobs/${id}/logs?after=0`, 3), repeat(`/v1/jobs/${id}/convergence`, 5), repeat("/v1/workers", 4)].map(quiet));
 }
 
 const cpuSeconds = (pid) => {

@@ -116,7 +116,7 @@ function PointsTable({ points }: { points: ConvergencePoint[] }) {
 
 export function ConvergenceChart({ job }: { job: Job }) {
   const [against, setAgainst] = useState<Against>("seconds");
-  const polled = usePolled<{ points: ConvergencePoint[] }>(`/v1/jobs/${job.id}/convergence`, isActive(job.state) ? 3 : 20);
+  const polled = usePolled<{ points: ConvergencePoint[] }>(`/v1/jobs/${job.id}/convergence`, isActive(job.state) ? 5 : 20);
   // A logarithm needs more than nothing.
   const points = useMemo(
     () => (polled.value?.points ?? []).filter((p) => p.estimated_error !== null && p.estimated_error > 0 && p[against] > 0),

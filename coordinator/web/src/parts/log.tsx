@@ -33,7 +33,7 @@ function useLog(job: Job): LogEntry[] {
         } catch {
           // `send` has noted why.
         }
-        await pause(isActive(latest.current.state) ? 1200 : 4000, stop.signal);
+        await pause(isActive(latest.current.state) ? 3000 : 6000, stop.signal);
       }
     })();
     return () => stop.abort();

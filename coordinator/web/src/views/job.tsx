@@ -103,7 +103,7 @@ function Details({ job }: { job: Job }) {
 }
 
 function JobWorkers({ job }: { job: Job }) {
-  const polled = usePolled<{ workers: Worker[] }>(hasEnded(job.state) ? "" : "/v1/workers", 2);
+  const polled = usePolled<{ workers: Worker[] }>(hasEnded(job.state) ? "" : "/v1/workers", 4);
   const mine = useMemo(() => (polled.value?.workers ?? []).filter((w) => w.job_id === job.id), [polled.value, job.id]);
   if (hasEnded(job.state)) return null;
   return (
