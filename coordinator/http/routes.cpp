@@ -323,7 +323,7 @@ HttpReply HttpRoutes::events(const HttpRequest&, const Captures& captures) {
     return problem(503, "unavailable", "too many clients are watching; try again later");
   HttpReply reply;
   reply.content_type = "text/event-stream";
-  reply.body = NextPiece([ticket, next = job_events(service_, captures[0], options_.heartbeat_seconds,
+  reply.body = NextPiece([ticket, next = job_events(service_, texts_, captures[0], options_.heartbeat_seconds,
                                                     stop_)](std::string& piece) { return next(piece); });
   return reply;
 }

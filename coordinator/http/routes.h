@@ -21,6 +21,7 @@
 #include "coordinator/http/access.h"
 #include "coordinator/http/message.h"
 #include "coordinator/http/pixel_cache.h"
+#include "coordinator/http/streams.h"
 #include "coordinator/http/web_routes.h"
 #include "coordinator/job_service.h"
 #include "coordinator/metrics.h"
@@ -133,6 +134,7 @@ class HttpRoutes {
   std::mutex store_mutex_;
   BlobStore store_;
   std::atomic<int> streams_{0};
+  JobTexts texts_{service_};
   std::unique_ptr<TokenStore> tokens_;
   const SystemClock system_clock_;
   Metrics own_metrics_;

@@ -31,8 +31,8 @@ void pause(const std::stop_token& stop, double seconds) {
 
 class JobEvents {
  public:
-  JobEvents(JobService& service, std::string id, double heartbeat, std::stop_token stop)
-      : service_(service), id_(std::move(id)), heartbeat_(heartbeat), stop_(std::move(stop)) {}
+  JobEvents(JobService& service, JobTexts& texts, std::string id, double heartbeat, std::stop_token stop)
+      : service_(service), texts_(texts), id_(std::move(id)), heartbeat_(heartbeat), stop_(std::move(stop)) {}
 
   bool operator()(std::string& piece) {
     if (stop_.stop_requested()) return false;
@@ -42,14 +42,13 @@ class JobEvents {
     version_ = version;
     begun_ = true;
     if (changed) {
-      const auto job = service_.show(id_);
+      const auto job = texts_.get(id_, version);
       if (!job) return false;
-      std::string data = json_line(to_json(*job));
-      if (data != last_) {
-        piece += fmt::format("event: job\ndata: {}\n", data);
-        last_ = std::move(data);
+      if (last_ == nullptr || (*job)->json != last_->json) {
+        piece += fmt::format("event: job\ndata: {}\n", (*job)->json);
+        last_ = *job;
         last_sent_ = now();
-        if (has_ended(job->state)) return false;
+        if (last_->ended) return false;
       }
       pause(stop_, kLeastPause);
     } else if (seconds_since(last_sent_) >= heartbeat_) {
@@ -61,12 +60,13 @@ class JobEvents {
 
  private:
   JobService& service_;
+  JobTexts& texts_;
   std::string id_;
   double heartbeat_;
   std::stop_token stop_;
   bool begun_ = false;
   std::uint64_t version_ = 0;
-  std::string last_;
+  std::shared_ptr<const JobTexts::Text> last_;
   Instant last_sent_ = now();
 };
 
@@ -116,8 +116,24 @@ class LogLines {
 
 }  // namespace
 
-NextPiece job_events(JobService& service, std::string id, double heartbeat_seconds, std::stop_token stop) {
-  return JobEvents(service, std::move(id), heartbeat_seconds, std::move(stop));
+Result<std::shared_ptr<const JobTexts::Text>> JobTexts::get(const std::string& id, std::uint64_t version) {
+  constexpr std::size_t kMostJobs = 64;  // watched at a time: beyond, some are made anew
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<const Text>& text = texts_[id];
+  if (text != nullptr && text->version >= version) return text;
+  auto job = service_.show(id);
+  if (!job) {
+    texts_.erase(id);
+    return tl::unexpected(job.error());
+  }
+  auto made = std::make_shared<const Text>(Text{version, json_line(to_json(*job)), has_ended(job->state)});
+  if (texts_.size() > kMostJobs) texts_.clear();
+  return texts_[id] = std::move(made);
+}
+
+NextPiece job_events(JobService& service, JobTexts& texts, std::string id, double heartbeat_seconds,
+                     std::stop_token stop) {
+  return JobEvents(service, texts, std::move(id), heartbeat_seconds, std::move(stop));
 }
 
 NextPiece log_lines(JobService& service, std::string id, std::uint64_t after, bool follow,

@@ -23,18 +23,15 @@ struct DirectSink {
   Rgb sum{0.0f, 0.0f, 0.0f};
 
   void ray() { ++figures.rays; }
-  void escape(const EyeWalk& walk) { add(environment_seen(scene, walk)); }
+  void escape(const EyeWalk& walk) { sum += environment_seen(scene, walk); }
   void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
-    add(emission_seen(scene, point, wo, walk));
+    sum += emission_seen(scene, point, wo, walk);
   }
   void first_hit(const Vertex&, float) {}
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    add(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, figures.rays));
+    sum += walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, figures.rays);
   }
   void gather(const Vertex&, const Rgb&, const Vec2f&, const EyeWalk&) {}
-  void add(const Rgb& radiance) {
-    if (is_finite(radiance)) sum += radiance;
-  }
 };
 
 /// What the pilot found at a pixel: mean luminance and the variance of that mean, and the rays it took.
@@ -45,7 +42,7 @@ struct PilotPixel {
 };
 
 std::vector<PilotPixel> pilot(const Scene& scene, const Eye& eye, int max_depth) {
-  std::vector<PilotPixel> spread(static_cast<std::size_t>(eye.width()) * static_cast<std::size_t>(eye.height()));
+  std::vector<PilotPixel> pixels(static_cast<std::size_t>(eye.width()) * static_cast<std::size_t>(eye.height()));
   const EyePaths paths(scene, eye, max_depth);
   Statistics figures;
   for_each_pixel(eye.width(), eye.height(), figures, [&](int x, int y, TileFigures& sheet) {
@@ -54,13 +51,13 @@ std::vector<PilotPixel> pilot(const Scene& scene, const Eye& eye, int max_depth)
     for (std::size_t i = 0; i < kPilotSamples; ++i) {
       DirectSink sink{scene, sheet};
       paths.follow(x, y, kPilotSequence + i, sink);
-      seen[i] = double{luminance(sink.sum)};
+      if (is_finite(sink.sum)) seen[i] = double{luminance(sink.sum)};
     }
     const double half = 0.5 * (seen[0] - seen[1]);
-    spread[static_cast<std::size_t>(y) * static_cast<std::size_t>(eye.width()) + static_cast<std::size_t>(x)] = {
+    pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(eye.width()) + static_cast<std::size_t>(x)] = {
         0.5 * (seen[0] + seen[1]), half * half, static_cast<double>(sheet.rays - rays_before)};
   });
-  return spread;
+  return pixels;
 }
 
 /// What more samples at a pixel would bring and cost.
