@@ -47,18 +47,16 @@ ConfigKey path(std::string_view name, const std::filesystem::path& folder, std::
 
 template <typename T>
 ConfigKey number(std::string_view name, double least, double most, T& to) {
-  return {name, [&to, least, most](const Value& value) {
-            const auto* integer = std::get_if<std::int64_t>(&value.data);
-            const auto* real = std::is_integral_v<T> ? nullptr : std::get_if<double>(&value.data);
-            const double given = integer != nullptr ? static_cast<double>(*integer)
-                                 : real != nullptr  ? *real
-                                                    : least - 1;
-            if (!(given >= least && given <= most))
-              return fmt::format("{} from {} to {}", std::is_integral_v<T> ? "an integer" : "a number", least,
-                                 most);
-            to = static_cast<T>(given);
-            return std::string();
-          }};
+  return {
+      name, [&to, least, most](const Value& value) {
+        const auto* integer = std::get_if<std::int64_t>(&value.data);
+        const auto* real = std::is_integral_v<T> ? nullptr : std::get_if<double>(&value.data);
+        const double given = integer != nullptr ? static_cast<double>(*integer) : real != nullptr ? *real : least - 1;
+        if (!(given >= least && given <= most))
+          return fmt::format("{} from {} to {}", std::is_integral_v<T> ? "an integer" : "a number", least, most);
+        to = static_cast<T>(given);
+        return std::string();
+      }};
 }
 
 std::vector<ConfigKey> keys_of(CoordinatorConfig& config, const std::filesystem::path& folder) {
@@ -83,6 +81,7 @@ std::vector<ConfigKey> keys_of(CoordinatorConfig& config, const std::filesystem:
 
 Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, const std::string& file) {
   std::vector<std::string_view> names;
+  names.reserve(keys.size());
   for (const ConfigKey& key : keys) names.push_back(key.name);
   for (const spec::Member& table : std::get<Value::Table>(document.data)) {
     const auto* members = std::get_if<Value::Table>(&table.value.data);
@@ -93,8 +92,7 @@ Result<void> apply(const Value& document, const std::vector<ConfigKey>& keys, co
     }
     for (const spec::Member& member : *members) {
       const std::string name = fmt::format("{}.{}", table.key, member.key);
-      const auto found =
-          std::find_if(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.name == name; });
+      const auto found = std::find_if(keys.begin(), keys.end(), [&](const ConfigKey& k) { return k.name == name; });
       if (found == keys.end()) {
         std::string message =
             fmt::format("{}: unknown key '{}'", spec::location(file, member.place), spec::printable(name));
@@ -118,8 +116,8 @@ Result<void> check(const CoordinatorConfig& config, const std::string& file) {
                 fmt::format("{}: http.certificate and http.key belong together; only one is given", file));
   if (config.notify.url.empty()) return {};
   if (!config.notify.url.starts_with("http://") && !config.notify.url.starts_with("https://"))
-    return fail(ErrorKind::kUsage, fmt::format("{}: notify.url '{}': expected http://... or https://...",
-                                               file, config.notify.url));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: notify.url '{}': expected http://... or https://...", file, config.notify.url));
   if (config.notify.secret_file.empty()) {
     return fail(ErrorKind::kUsage,
                 fmt::format("{}: notify.url without notify.secret_file; its receiver could not tell who "
@@ -134,9 +132,8 @@ Result<void> check(const CoordinatorConfig& config, const std::string& file) {
 Result<void> check_secret_mode(const std::filesystem::path& file) {
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && (info.st_mode & 077) != 0) {
-    return fail(ErrorKind::kUsage,
-                fmt::format("{}: mode {:04o} lets others read a secret; expected 0600: chmod 600 {}",
-                            file.string(), info.st_mode & 07777, file.string()));
+    return fail(ErrorKind::kUsage, fmt::format("{}: mode {:04o} lets others read a secret; expected 0600: chmod 600 {}",
+                                               file.string(), info.st_mode & 07777, file.string()));
   }
   return {};
 }

@@ -17,7 +17,7 @@ struct CoordinatorConfig {
     int port = 0;                       ///< 0: the former one, else any
     std::filesystem::path certificate;  ///< PEM chain; empty: no TLS
     std::filesystem::path key;          ///< PEM; only its owner may read it
-    std::filesystem::path ca;  ///< what clients check the certificate by; empty: the certificate itself
+    std::filesystem::path ca;           ///< what clients check the certificate by; empty: the certificate itself
   } http;
   struct Limits {
     double requests_per_second = 200;                   ///< of one token, on average

@@ -41,19 +41,27 @@ Farm::Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const C
       registry_(options_.worker_silence_seconds) {}
 
 JobSurroundings Farm::surroundings() {
-  return {*store_, blobs_, clock_, unix_ms_, options_.build_id, options_.ack_wait_seconds,
-          [this](const std::string& job, const BlobId& state) {
-            return std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
-              return entry.first != job && entry.second.job && entry.second.job->state() == state;
-            });
-          },
-          [this](const std::string& job, std::string_view level, std::string_view source, std::string_view text) {
-            ++version_;
-            const auto it = jobs_.find(job);
-            if (it != jobs_.end()) it->second.log.add(unix_ms_(), level, source, text);
-            log_.info("job", {{"id", job}, {"level", std::string(level)}, {"source", std::string(source)}, {"text", std::string(text)}});
-          },
-          metrics_};
+  return {
+      *store_,
+      blobs_,
+      clock_,
+      unix_ms_,
+      options_.build_id,
+      options_.ack_wait_seconds,
+      [this](const std::string& job, const BlobId& state) {
+        return std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& entry) {
+          return entry.first != job && entry.second.job && entry.second.job->state() == state;
+        });
+      },
+      [this](const std::string& job, std::string_view level, std::string_view source, std::string_view text) {
+        ++version_;
+        const auto it = jobs_.find(job);
+        if (it != jobs_.end()) it->second.log.add(unix_ms_(), level, source, text);
+        log_.info(
+            "job",
+            {{"id", job}, {"level", std::string(level)}, {"source", std::string(source)}, {"text", std::string(text)}});
+      },
+      metrics_};
 }
 
 Result<void> Farm::restore() {
@@ -89,7 +97,8 @@ Result<void> Farm::import_jobs() {
     if (!std::filesystem::exists(file, code)) continue;
     auto record = import_job_json(entry.path());
     if (!record || record->id != entry.path().filename().string()) {
-      log_.error("job cannot be imported", {{"file", file.string()}, {"why", record ? "its record is of another job" : record.error().message}});
+      log_.error("job cannot be imported",
+                 {{"file", file.string()}, {"why", record ? "its record is of another job" : record.error().message}});
       continue;
     }
     std::vector<BlobId> blobs{record->bundle};
@@ -132,10 +141,12 @@ void Farm::on_message(const std::string& sender, std::string_view bytes) {
     return send(sender, message);
   }
   auto message = parse_from_worker(bytes);
-  if (message && message->worker() != sender) message = fail(ErrorKind::kInvalidInput, "it calls itself " + message->worker());
+  if (message && message->worker() != sender)
+    message = fail(ErrorKind::kInvalidInput, "it calls itself " + message->worker());
   if (!message) {
     log_.warning("malformed message", {{"worker", sender}, {"why", message.error().message}});
-    if (registry_.fault(sender, "malformed messages: " + message.error().message)) accuse(sender, message.error().message);
+    if (registry_.fault(sender, "malformed messages: " + message.error().message))
+      accuse(sender, message.error().message);
     return;
   }
   const std::uint64_t incarnation = message->incarnation();
@@ -158,7 +169,8 @@ void Farm::on_message(const std::string& sender, std::string_view bytes) {
       }
       break;
     case wire::FromWorker::kChunk:
-      if (FarmJob* job = find(message->chunk().job_id())) give(sender, job->on_chunk(sender, incarnation, message->chunk()));
+      if (FarmJob* job = find(message->chunk().job_id()))
+        give(sender, job->on_chunk(sender, incarnation, message->chunk()));
       break;
     case wire::FromWorker::kFailed:
       if (FarmJob* job = find(message->failed().job_id())) job->on_failed(sender, message->failed());
@@ -179,8 +191,9 @@ void Farm::on_message(const std::string& sender, std::string_view bytes) {
 void Farm::on_heartbeat(const std::string& worker, std::uint64_t incarnation, const wire::Heartbeat& heartbeat) {
   if (heartbeat.build_id() != options_.build_id) {
     wire::ToWorker message = envelope();
-    message.mutable_welcome()->set_reason(fmt::format("its build is {}, the coordinator's is {}: an image's bits depend on the build",
-                                   heartbeat.build_id(), options_.build_id));
+    message.mutable_welcome()->set_reason(
+        fmt::format("its build is {}, the coordinator's is {}: an image's bits depend on the build",
+                    heartbeat.build_id(), options_.build_id));
     log_.warning("worker of another build refused", {{"worker", worker}, {"build", heartbeat.build_id()}});
     return send(worker, message);
   }

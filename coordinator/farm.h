@@ -26,26 +26,26 @@
 namespace pf {
 
 struct FarmOptions {
-  std::filesystem::path state;            ///< jobs/, blobs/ lie in it
+  std::filesystem::path state;  ///< jobs/, blobs/ lie in it
   std::string build_id;
   double ack_wait_seconds = 30;
-  double worker_silence_seconds = 10;     ///< after which a worker counts as lost
-  std::size_t tasks_per_worker = 2;       ///< kept in the work queue
-  std::uint64_t incarnation = 1;          ///< differs between processes: goes into the ids of tasks
-  Metrics* metrics = nullptr;             ///< where work is counted; nullptr: nobody asks
+  double worker_silence_seconds = 10;  ///< after which a worker counts as lost
+  std::size_t tasks_per_worker = 2;    ///< kept in the work queue
+  std::uint64_t incarnation = 1;       ///< differs between processes: goes into the ids of tasks
+  Metrics* metrics = nullptr;          ///< where work is counted; nullptr: nobody asks
   RetentionPolicy retention;
   std::uint64_t jobs_per_token = CoordinatorConfig::Limits().jobs_per_token;
 };
 
-/// The coordinator without its surroundings: told what came in and what time it is, it answers through the port. All calls
-/// come from one thread.
+/// The coordinator without its surroundings: told what came in and what time it is, it answers through the port. All
+/// calls come from one thread.
 class Farm {
  public:
   Farm(FarmOptions options, CoordinatorPort& port, BlobStore& blobs, const Clock& clock,
        std::function<std::int64_t()> unix_ms, const Log& log);
 
-  /// Takes up the jobs of the state folder; everything below needs it to have succeeded. Errors only when the folder or its database
-  /// cannot be used at all; a broken job is reported and left as it is.
+  /// Takes up the jobs of the state folder; everything below needs it to have succeeded. Errors only when the folder or
+  /// its database cannot be used at all; a broken job is reported and left as it is.
   [[nodiscard]] Result<void> restore();
 
   /// A FromWorker; `sender` is the name that the engine vouches for.
@@ -117,20 +117,21 @@ class Farm {
   const Clock& clock_;
   std::function<std::int64_t()> unix_ms_;
   const Log& log_;
-  Metrics uncounted_;                      ///< when options name none
+  Metrics uncounted_;  ///< when options name none
   Metrics& metrics_;
   WorkerRegistry registry_;
-  std::optional<JobStore> store_;   ///< there since restore()
+  std::optional<JobStore> store_;  ///< there since restore()
   struct Entry {
     std::unique_ptr<FarmJob> job;
     JobLog log;
-    double share = 0;         ///< seconds of work given, by weight: the least has its turn [stride scheduling, Waldspurger 1994]
+    double share =
+        0;  ///< seconds of work given, by weight: the least has its turn [stride scheduling, Waldspurger 1994]
     std::uint64_t runs_announced = 0;  ///< that are over, and workers were told so
   };
   std::map<std::string, Entry> jobs_;
-  bool purged_ = false;       ///< tasks of an earlier process are gone from the queue
+  bool purged_ = false;  ///< tasks of an earlier process are gone from the queue
   bool connected_ = false;
-  double next_publish_ = 0;   ///< after a failure
+  double next_publish_ = 0;  ///< after a failure
   double next_retention_ = 0, next_sweep_ = 0;
   std::uint64_t version_ = 1;
 };

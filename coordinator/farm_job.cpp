@@ -102,8 +102,7 @@ wire::Task FarmJob::make_task(wire::Task::Kind kind, const UnitLedger::Out& unit
   task.mutable_bundle()->set_sha256(sha256_bytes(record_.bundle.sha256));
   task.mutable_bundle()->set_bytes(record_.bundle.bytes);
   task.set_timeout_seconds(record_.spec.faults.unit_timeout_seconds);
-  task.set_width(
-      static_cast<std::uint32_t>(record_.spec.image.width * (film_ ? film_->options().hit_points : 1)));
+  task.set_width(static_cast<std::uint32_t>(record_.spec.image.width * (film_ ? film_->options().hit_points : 1)));
   task.set_height(static_cast<std::uint32_t>(record_.spec.image.height));
   if (kind == wire::Task::SUB_PASSES) {
     // Without shared radii units of several rounds are out at once, and may be merged.
@@ -146,13 +145,10 @@ void FarmJob::not_published(const wire::Task& task) {
   }
 }
 
-std::size_t FarmJob::queued() const {
-  return ledger_.queued() + (preparing_ && preparing_->holder.empty() ? 1 : 0);
-}
+std::size_t FarmJob::queued() const { return ledger_.queued() + (preparing_ && preparing_->holder.empty() ? 1 : 0); }
 
 double FarmJob::cost(const wire::Task& task) const {
-  const double passes =
-      task.kind() == wire::Task::PREPARE ? 1.0 : static_cast<double>(task.unit().sub_passes());
+  const double passes = task.kind() == wire::Task::PREPARE ? 1.0 : static_cast<double>(task.unit().sub_passes());
   return passes * (sub_pass_seconds_ > 0 ? sub_pass_seconds_ : kUnitSeconds);
 }
 
@@ -175,8 +171,7 @@ void FarmJob::on_held(const std::string& worker, const std::vector<UnitRange>& h
   }
   std::vector<std::uint64_t> let_go;
   for (const auto& [first, unit] : ledger_.out()) {
-    if (unit.holder == worker && std::find(held.begin(), held.end(), unit.range) == held.end())
-      let_go.push_back(first);
+    if (unit.holder == worker && std::find(held.begin(), held.end(), unit.range) == held.end()) let_go.push_back(first);
   }
   for (const std::uint64_t first : let_go) {
     ledger_.find(first)->holder.clear();
@@ -221,8 +216,8 @@ void FarmJob::look_after_units(double now, const std::function<bool(double since
     UnitLedger::Out& unit = *ledger_.find(first);
     if (why == "timeout" && ++unit.failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
       return end_failed(
-          fmt::format("sub-pass {} was not done within {} s in {} attempts; see faults.unit_timeout_seconds",
-                      first, timeout, unit.failures));
+          fmt::format("sub-pass {} was not done within {} s in {} attempts; see faults.unit_timeout_seconds", first,
+                      timeout, unit.failures));
     }
     repeat_unit(unit, why == "timeout" ? fmt::format("{} has had it for more than {} s", unit.holder, timeout)
                                        : std::string("it left the queue and no worker has it"));
@@ -237,8 +232,7 @@ void FarmJob::on_failed(const std::string& worker, const wire::TaskFailed& faile
                                                                : ledger_.find(failed.unit().first_sub_pass());
   if (unit == nullptr || unit->attempt != failed.unit().attempt()) return;
   if (++unit->failures >= static_cast<std::uint32_t>(record_.spec.faults.max_attempts)) {
-    return end_failed(
-        fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
+    return end_failed(fmt::format("{} attempts failed, the last on {}: {}", unit->failures, worker, failed.message()));
   }
   if (failed.kind() == wire::Task::PREPARE) {
     repeat_prepare();
@@ -306,8 +300,7 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
     save_record();
   }
   if (ended()) return;
-  if (record_.state == JobState::kPaused && film_ && film_->sub_passes() != checkpointed_passes_ &&
-      now >= next_try_) {
+  if (record_.state == JobState::kPaused && film_ && film_->sub_passes() != checkpointed_passes_ && now >= next_try_) {
     next_try_ = now + kDiskRetrySeconds;
     static_cast<void>(save_checkpoint());  // the disk was full when it was paused
   }
@@ -321,16 +314,14 @@ void FarmJob::tick(const std::function<bool(double since)>& idle_since) {
     go_on_after_waiting(now);
   }
   if (record_.state == JobState::kFinishing) return go_on_finishing();
-  if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning)
-    look_after_units(now, idle_since);
+  if (record_.state == JobState::kPreparing || record_.state == JobState::kRunning) look_after_units(now, idle_since);
   if (record_.state != JobState::kRunning) return;
   if (record_.spec.stop.seconds > 0 && ledger_.done_below() > 0 && seconds() >= record_.spec.stop.seconds) {
     frozen_limit_ = std::min(frozen_limit_, ledger_.issued_below());
   }
   const std::uint64_t end = std::min(frozen_limit_, wanted_sub_passes());
   if (ledger_.done_below() >= end && ledger_.out().empty()) return finish(JobEvent::kFinish, "");
-  if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_)
-    return;
+  if (now - last_checkpoint_ < record_.spec.checkpoint.seconds || film_->sub_passes() == checkpointed_passes_) return;
   if (auto saved = save_checkpoint(); !saved) wait_for_disk(saved.error());
 }
 

@@ -39,31 +39,37 @@ struct JobSurroundings {
   /// True when another job's tasks name this state: jobs of one scene and size begin with the same radii.
   std::function<bool(const std::string& job, const BlobId& state)> others_need;
   /// A line in the job's log; source is "coordinator" or a worker's name.
-  std::function<void(const std::string& job, std::string_view level, std::string_view source, std::string_view text)> log;
+  std::function<void(const std::string& job, std::string_view level, std::string_view source, std::string_view text)>
+      log;
   Metrics& metrics;
 };
 
 /// What came of something a worker said.
 struct Answer {
   std::optional<wire::ResultReply> reply;
-  std::string accusation;     ///< not empty: the worker returned what no right build returns; it is not to be trusted again
+  std::string
+      accusation;  ///< not empty: the worker returned what no right build returns; it is not to be trusted again
 };
 
-/// One job on the farm: which units are out, their results' way into the film, the barrier between rounds, checkpoints, the
-/// end. Knows no engine and no worker by more than its name; all calls come from one thread.
+/// One job on the farm: which units are out, their results' way into the film, the barrier between rounds, checkpoints,
+/// the end. Knows no engine and no worker by more than its name; all calls come from one thread.
 class FarmJob {
  public:
   /// A new job that needs these blobs; `folder` exists and is its own.
   [[nodiscard]] static Result<std::unique_ptr<FarmJob>> create(JobRecord record, std::span<const BlobId> blobs,
-                                                               std::filesystem::path folder, const JobSurroundings& around);
+                                                               std::filesystem::path folder,
+                                                               const JobSurroundings& around);
   /// Goes on from record and folder: units in the last checkpoint are done, all others go out again.
-  [[nodiscard]] static std::unique_ptr<FarmJob> restore(JobRecord record, std::filesystem::path folder, const JobSurroundings& around);
+  [[nodiscard]] static std::unique_ptr<FarmJob> restore(JobRecord record, std::filesystem::path folder,
+                                                        const JobSurroundings& around);
 
   [[nodiscard]] const JobRecord& record() const { return record_; }
   [[nodiscard]] const std::string& id() const { return record_.id; }
   [[nodiscard]] bool ended() const { return has_ended(record_.state); }
   /// Neither ended nor paused nor yet to begin: it has a film, or is about to get one.
-  [[nodiscard]] bool active() const { return !ended() && record_.state != JobState::kQueued && record_.state != JobState::kPaused; }
+  [[nodiscard]] bool active() const {
+    return !ended() && record_.state != JobState::kQueued && record_.state != JobState::kPaused;
+  }
   /// Runs whose tasks are not wanted any more: 0 .. runs_over() - 1.
   [[nodiscard]] std::uint64_t runs_over() const {
     return record_.run + (ended() || record_.state == JobState::kPaused ? 1 : 0);
@@ -78,8 +84,8 @@ class FarmJob {
   /// Radii that its tasks name; no bytes: none.
   [[nodiscard]] const BlobId& state() const { return state_; }
 
-  /// The next task to publish: a unit that must go out again, or a new one; `workers` live ones share what is left of the
-  /// round. Empty when there is nothing to do now.
+  /// The next task to publish: a unit that must go out again, or a new one; `workers` live ones share what is left of
+  /// the round. Empty when there is nothing to do now.
   [[nodiscard]] std::optional<wire::Task> next_task(std::size_t workers);
   /// The engine did not take the task: it stays to be published.
   void not_published(const wire::Task& task);
@@ -94,7 +100,8 @@ class FarmJob {
   void on_held(const std::string& worker, const std::vector<UnitRange>& held, bool preparing);
   /// A worker that works on it holds so much memory.
   void note_memory(std::uint64_t bytes);
-  [[nodiscard]] Answer on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest);
+  [[nodiscard]] Answer on_manifest(const std::string& worker, std::uint64_t incarnation,
+                                   const wire::ResultManifest& manifest);
   [[nodiscard]] Answer on_chunk(const std::string& worker, std::uint64_t incarnation, const wire::ResultChunk& chunk);
   /// Not counted: its units go out again.
   [[nodiscard]] Answer refuse(const std::string& worker, const wire::ResultManifest& manifest, const std::string& why);
@@ -185,40 +192,40 @@ class FarmJob {
   [[nodiscard]] JobRecord::Figures figures() const;
 
   JobRecord record_;
-  std::string spec_hash_;                          ///< of what decides the pixels
+  std::string spec_hash_;  ///< of what decides the pixels
   std::filesystem::path folder_;
   JobSurroundings around_;
   std::unique_ptr<Film> film_;
-  BlobId state_;                                   ///< radii of the open round; no bytes: none
-  std::optional<std::uint64_t> state_round_;       ///< whose radii they are
-  std::optional<std::uint64_t> state_bytes_;       ///< of the latest radii, 0: it has none; unknown before the first round
-  std::uint64_t worker_bytes_ = 0;                 ///< most memory that a worker held while it worked on it; 0: not known
+  BlobId state_;                              ///< radii of the open round; no bytes: none
+  std::optional<std::uint64_t> state_round_;  ///< whose radii they are
+  std::optional<std::uint64_t> state_bytes_;  ///< of the latest radii, 0: it has none; unknown before the first round
+  std::uint64_t worker_bytes_ = 0;            ///< most memory that a worker held while it worked on it; 0: not known
   UnitLedger ledger_;
   std::optional<UnitLedger::Out> preparing_;
-  std::deque<std::uint64_t> repeat_;               ///< first sub-passes of units to publish again
+  std::deque<std::uint64_t> repeat_;  ///< first sub-passes of units to publish again
   bool repeat_preparing_ = false;
   std::map<Key, ResultIntake> intakes_;
   struct First {
     std::string worker, content;
   };
-  std::map<std::string, First> first_results_;     ///< the latest, by their units: a second one must equal the first,
-  std::deque<std::string> first_order_;            ///< also when it comes after its round
-  std::vector<CountedResult> results_;             ///< that count and are not in the database yet
+  std::map<std::string, First> first_results_;  ///< the latest, by their units: a second one must equal the first,
+  std::deque<std::string> first_order_;         ///< also when it comes after its round
+  std::vector<CountedResult> results_;          ///< that count and are not in the database yet
   std::uint64_t next_result_ = 1;
   std::vector<ConvergencePoint> points_;
-  std::uint64_t frozen_limit_;                     ///< a stop by time: no unit beyond is issued
+  std::uint64_t frozen_limit_;  ///< a stop by time: no unit beyond is issued
   JobState state_before_waiting_ = JobState::kRunning;
-  double next_try_ = 0;                            ///< of what the disk did not take
+  double next_try_ = 0;  ///< of what the disk did not take
   double running_since_ = 0;
-  double seconds_before_ = 0;                      ///< run before it was taken up last
+  double seconds_before_ = 0;  ///< run before it was taken up last
   double last_checkpoint_ = 0;
   std::uint64_t checkpointed_passes_ = 0;
-  std::vector<Transition> transitions_;            ///< not in the database yet
-  bool unsaved_record_ = false;                    ///< the disk did not take it
+  std::vector<Transition> transitions_;  ///< not in the database yet
+  bool unsaved_record_ = false;          ///< the disk did not take it
   double next_save_ = 0;
   std::uint64_t units_done_ = 0, units_repeated_ = 0, bytes_received_ = 0;
   double merge_seconds_ = 0;
-  double sub_pass_seconds_ = 0;                    ///< of tracing, smoothed; 0: not known yet
+  double sub_pass_seconds_ = 0;  ///< of tracing, smoothed; 0: not known yet
 };
 
 }  // namespace pf

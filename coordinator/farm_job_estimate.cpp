@@ -26,8 +26,7 @@ std::vector<PilotPoint> parts_of(const std::vector<ConvergencePoint>& points) {
   std::vector<PilotPoint> parts;
   double before = 0;
   for (const ConvergencePoint& point : chosen) {
-    parts.push_back(
-        {static_cast<double>(point.passes), point.seconds - before, point.estimated_error.value_or(0)});
+    parts.push_back({static_cast<double>(point.passes), point.seconds - before, point.estimated_error.value_or(0)});
     before = point.seconds;
   }
   return parts;
@@ -59,8 +58,7 @@ Result<Estimate> FarmJob::estimate(const EstimateRequest& asked) const {
   if (request.passes <= 0 && !(request.error > 0 && error_known)) {
     return fail(
         ErrorKind::kInvalidInput,
-        fmt::format("{}: neither passes nor a known error bound this job; expected ?passes= or ?error=",
-                    record_.id));
+        fmt::format("{}: neither passes nor a known error bound this job; expected ?passes= or ?error=", record_.id));
   }
   auto results = around_.store.results(record_.number);
   if (!results) return tl::unexpected(results.error());

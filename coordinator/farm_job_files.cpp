@@ -16,19 +16,15 @@
 namespace pf {
 namespace {
 
-std::filesystem::path checkpoint_in(const std::filesystem::path& folder) {
-  return folder / "film.checkpoint";
-}
+std::filesystem::path checkpoint_in(const std::filesystem::path& folder) { return folder / "film.checkpoint"; }
 
 }  // namespace
 
 Result<std::unique_ptr<FarmJob>> FarmJob::create(JobRecord record, std::span<const BlobId> blobs,
-                                                 std::filesystem::path folder,
-                                                 const JobSurroundings& around) {
+                                                 std::filesystem::path folder, const JobSurroundings& around) {
   std::unique_ptr<FarmJob> job(new FarmJob(std::move(record), std::move(folder), around));
   job->record_.submitted_unix_ms = around.unix_ms();
-  if (auto inserted = around.store.insert(job->record_, blobs); !inserted)
-    return tl::unexpected(inserted.error());
+  if (auto inserted = around.store.insert(job->record_, blobs); !inserted) return tl::unexpected(inserted.error());
   return job;
 }
 
@@ -107,8 +103,7 @@ Result<void> FarmJob::save_checkpoint() {
   // First the database: a result that it holds and the film does not is taken off it by its number.
   if (auto stored = around_.store.checkpoint(record_, results_, points_); !stored) return stored;
   results_.clear();
-  auto saved =
-      film_->save(checkpoint_in(folder_), checkpoint_identity(record_, around_.build_id), note.to_json());
+  auto saved = film_->save(checkpoint_in(folder_), checkpoint_identity(record_, around_.build_id), note.to_json());
   if (!saved) return saved;
   last_checkpoint_ = around_.clock.now();
   checkpointed_passes_ = film_->sub_passes();

@@ -45,8 +45,8 @@ void FarmJob::note_point(bool last_of_all) {
   }
   record_.estimated_error = film_->estimated_error();
   const bool known = std::isfinite(record_.estimated_error) && record_.estimated_error >= 0;
-  points_.push_back({now.seconds, now.passes, now.rounds, now.rays,
-                     known ? std::optional(record_.estimated_error) : std::nullopt});
+  points_.push_back(
+      {now.seconds, now.passes, now.rounds, now.rays, known ? std::optional(record_.estimated_error) : std::nullopt});
   if (points_.size() <= kMaxPoints) return;
   for (std::size_t i = 1; 2 * i < points_.size(); ++i) points_[i] = points_[2 * i];
   points_.resize((points_.size() + 1) / 2);

@@ -1,4 +1,5 @@
-// How results come into a job's film: manifest, chunks, merge. A result counts whole or not at all, and every sub-pass once.
+// How results come into a job's film: manifest, chunks, merge. A result counts whole or not at all, and every sub-pass
+// once.
 
 #include <algorithm>
 #include <cmath>
@@ -24,7 +25,8 @@ std::uint64_t sub_passes_of(const wire::ResultManifest& manifest) {
   return sum;
 }
 
-wire::ResultReply reply_to(const wire::ResultManifest& manifest, wire::ResultReply::Verdict verdict, const std::string& reason) {
+wire::ResultReply reply_to(const wire::ResultManifest& manifest, wire::ResultReply::Verdict verdict,
+                           const std::string& reason) {
   wire::ResultReply reply;
   reply.set_job_id(manifest.job_id());
   reply.set_result_id(manifest.result_id());
@@ -74,9 +76,10 @@ bool FarmJob::figures_are_plausible(const wire::ResultManifest& manifest) const 
   if (manifest.kind() == wire::Task::PREPARE) return true;
   const JobSpec& spec = record_.spec;
   const std::uint64_t passes = sub_passes_of(manifest), paths = manifest.photon_paths();
-  if (film_->options().estimator != Estimator::kPath) return passes > 0 && paths % passes == 0 && may_trace(spec, paths / passes);
-  // Methods whose radiance is a plain mean trace none in a sub-pass, or as many as the others, or those of their maps before the
-  // first.
+  if (film_->options().estimator != Estimator::kPath)
+    return passes > 0 && paths % passes == 0 && may_trace(spec, paths / passes);
+  // Methods whose radiance is a plain mean trace none in a sub-pass, or as many as the others, or those of their maps
+  // before the first.
   const auto in_a_pass = static_cast<std::uint64_t>(photon_paths(spec));
   return paths <= std::max(passes * in_a_pass, in_a_pass + static_cast<std::uint64_t>(spec.photon_map.caustic_photons));
 }
@@ -84,9 +87,10 @@ bool FarmJob::figures_are_plausible(const wire::ResultManifest& manifest) const 
 void FarmJob::compare_with_first(const std::string& worker, const wire::ResultManifest& manifest) {
   const auto first = first_results_.find(name_of_units(ranges_of(manifest)));
   if (first == first_results_.end() || first->second.content == manifest.content()) return;
-  const std::string text = fmt::format("{} and {} returned different sums for the same units ({}): one of them computes wrongly; "
-                                       "the first was kept",
-                                       first->second.worker, worker, first->first);
+  const std::string text = fmt::format(
+      "{} and {} returned different sums for the same units ({}): one of them computes wrongly; "
+      "the first was kept",
+      first->second.worker, worker, first->first);
   log("error", "coordinator", text);
   record_.warnings.push_back(text);
   ++around_.metrics.alarms;
@@ -107,18 +111,21 @@ void FarmJob::repeat_units_of(const std::string& worker, const wire::ResultManif
   // Whole or not at all: its units that do not count yet are traced again.
   for (const UnitRange& range : ranges_of(manifest)) {
     UnitLedger::Out* unit = ledger_.find(range.first);
-    if (unit != nullptr && unit->range == range && (unit->holder == worker || unit->holder.empty())) repeat_unit(*unit, why);
+    if (unit != nullptr && unit->range == range && (unit->holder == worker || unit->holder.empty()))
+      repeat_unit(*unit, why);
   }
 }
 
-Answer FarmJob::on_manifest(const std::string& worker, std::uint64_t incarnation, const wire::ResultManifest& manifest) {
+Answer FarmJob::on_manifest(const std::string& worker, std::uint64_t incarnation,
+                            const wire::ResultManifest& manifest) {
   if (ended() || record_.state == JobState::kPaused) {
     return {reply_to(manifest, wire::ResultReply::REFUSED, fmt::format("the job is {}", to_string(record_.state))), {}};
   }
   if (record_.state == JobState::kWaiting) return {};  // the worker asks again
   if (manifest.build_id() != around_.build_id) {
     // No quarantine: a farm that was brought up to date meets results of the build before.
-    const std::string why = fmt::format("it is of build {}, the coordinator of {}", manifest.build_id(), around_.build_id);
+    const std::string why =
+        fmt::format("it is of build {}, the coordinator of {}", manifest.build_id(), around_.build_id);
     repeat_units_of(worker, manifest, why);
     return {reply_to(manifest, wire::ResultReply::REFUSED, why), {}};
   }
@@ -163,7 +170,8 @@ Answer FarmJob::take_in(const std::string& worker, ResultIntake intake) {
   // Another worker's result may have come in while this one was on its way.
   if (!is_wanted(manifest, why_not)) return refuse(worker, manifest, why_not);
   const double start = around_.clock.now();
-  Answer answer = manifest.kind() == wire::Task::PREPARE ? take_in_prepared(worker, intake) : take_in_sums(worker, intake);
+  Answer answer =
+      manifest.kind() == wire::Task::PREPARE ? take_in_prepared(worker, intake) : take_in_sums(worker, intake);
   const double took = around_.clock.now() - start;
   merge_seconds_ += took;
   around_.metrics.merge_seconds.observe(took);
@@ -184,7 +192,8 @@ Answer FarmJob::take_in_prepared(const std::string& worker, const ResultIntake& 
   auto options = from_wire(manifest.prepared().film());
   if (!options) return wrong(options.error().message);
   const JobSpec& spec = record_.spec;
-  if (options->width != spec.image.width || options->height != spec.image.height) return wrong("its film has another size");
+  if (options->width != spec.image.width || options->height != spec.image.height)
+    return wrong("its film has another size");
   Film film(*options);
   if (options->estimator != Estimator::kPath) {
     // The film's own memory: a second copy of the radii would be the coordinator's peak.
@@ -198,7 +207,8 @@ Answer FarmJob::take_in_prepared(const std::string& worker, const ResultIntake& 
       }
       if (auto added = unpacker.add(*chunk); !added) return wrong(added.error().message);
     }
-    if (!unpacker.complete() || to_wire(unpacker.content()) != manifest.content()) return wrong("its radii are not what it announced");
+    if (!unpacker.complete() || to_wire(unpacker.content()) != manifest.content())
+      return wrong("its radii are not what it announced");
     film.set_initial_radii(std::move(state));
   }
   record_.scene_hash = manifest.prepared().scene_hash();
@@ -228,7 +238,8 @@ Answer FarmJob::take_in_sums(const std::string& worker, const ResultIntake& inta
       break;
     }
   }
-  if (!disk && wrong.empty() && to_wire(unpacker.content()) != manifest.content()) wrong = "its sums are not what it announced";
+  if (!disk && wrong.empty() && to_wire(unpacker.content()) != manifest.content())
+    wrong = "its sums are not what it announced";
   if (disk || !wrong.empty()) {
     for (std::size_t i = 0; i < added; ++i) {
       const auto chunk = intake.read(i);
@@ -275,7 +286,8 @@ void FarmJob::count(const std::string& worker, const wire::ResultManifest& manif
   metrics.sub_passes += sub_passes;
   for (const UnitRange& range : ranges) {
     // A result says how long all its units took together.
-    metrics.unit_seconds.observe(manifest.trace_seconds() * static_cast<double>(range.count) / static_cast<double>(sub_passes));
+    metrics.unit_seconds.observe(manifest.trace_seconds() * static_cast<double>(range.count) /
+                                 static_cast<double>(sub_passes));
     ++metrics.units;
     ledger_.finish(range);
     ++units_done_;

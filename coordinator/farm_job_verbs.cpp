@@ -52,8 +52,7 @@ Result<void> FarmJob::act(JobEvent verb, const std::string& by) {
       if (step.kind == JobStep::Kind::kMoves) pause(by);
       return {};
     case JobEvent::kRetry:
-      if (record_.bundle.bytes == 0)
-        return conflict(record_.id, "its scene is not kept any more; submit it again");
+      if (record_.bundle.bytes == 0) return conflict(record_.id, "its scene is not kept any more; submit it again");
       begin_again(verb, by);
       return {};
     case JobEvent::kResume:
@@ -118,16 +117,14 @@ Result<void> FarmJob::extend(const StopChange& change, const std::string& by) {
   if (job_step(record_.state, JobEvent::kExtend).kind == JobStep::Kind::kRefused) {
     return conflict(record_.id, why_refused(record_.state, JobEvent::kExtend));
   }
-  if (record_.bundle.bytes == 0)
-    return conflict(record_.id, "its scene is not kept any more; submit it again");
+  if (record_.bundle.bytes == 0) return conflict(record_.id, "its scene is not kept any more; submit it again");
   JobSpec spec = record_.spec;
   if (change.passes) {
     const std::int64_t before = spec.stop.passes;
     const auto passes = static_cast<std::int64_t>(view().passes_done);
     if (*change.passes != 0 && (before != 0 ? *change.passes <= before : *change.passes <= passes)) {
-      return fail(ErrorKind::kInvalidInput,
-                  fmt::format("passes: {} given; expected more than {}, or 0 for no bound", *change.passes,
-                              before != 0 ? before : passes));
+      return fail(ErrorKind::kInvalidInput, fmt::format("passes: {} given; expected more than {}, or 0 for no bound",
+                                                        *change.passes, before != 0 ? before : passes));
     }
     spec.stop.passes = *change.passes;
   }
@@ -161,8 +158,8 @@ Result<void> FarmJob::change(const JobChange& change, const std::string& by) {
                 fmt::format("priority: {} given; expected 0 to {}", *change.priority, kMaxPriority));
   }
   if (change.max_workers && (*change.max_workers < 0 || *change.max_workers > kMaxWorkers)) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("max_workers: {} given; expected 0 (no bound) to {}",
-                                                      *change.max_workers, kMaxWorkers));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("max_workers: {} given; expected 0 (no bound) to {}", *change.max_workers, kMaxWorkers));
   }
   if (change.priority) record_.spec.job.priority = *change.priority;
   if (change.max_workers) record_.max_workers = *change.max_workers;

@@ -9,8 +9,15 @@ namespace pf {
 JobRecord::Figures FarmJob::figures() const {
   if (!film_) return record_.figures;
   const Statistics& sums = film_->sums();
-  return {film_->order().mean_passes(sums.sub_passes), film_->rounds(), sums.rays, sums.photon_paths, seconds(), units_done_,
-          units_repeated_, bytes_received_, merge_seconds_};
+  return {film_->order().mean_passes(sums.sub_passes),
+          film_->rounds(),
+          sums.rays,
+          sums.photon_paths,
+          seconds(),
+          units_done_,
+          units_repeated_,
+          bytes_received_,
+          merge_seconds_};
 }
 
 JobView FarmJob::view() const {
@@ -32,7 +39,8 @@ JobView FarmJob::view() const {
   v.passes_wanted = static_cast<std::uint64_t>(spec.stop.passes);
   v.stop_seconds = spec.stop.seconds;
   v.stop_error = spec.stop.error;
-  if (record_.estimated_error >= 0 && std::isfinite(record_.estimated_error)) v.estimated_error = record_.estimated_error;
+  if (record_.estimated_error >= 0 && std::isfinite(record_.estimated_error))
+    v.estimated_error = record_.estimated_error;
   const JobRecord::Figures figures = this->figures();
   v.seconds = figures.seconds;
   v.passes_done = figures.passes;

@@ -14,8 +14,7 @@ constexpr std::size_t kMaxEventBytes = std::size_t{32} << 20;
 constexpr std::chrono::milliseconds kTick{100};
 
 std::int64_t unix_ms() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
 }
 
@@ -46,8 +45,8 @@ Result<std::unique_ptr<FarmProcess>> FarmProcess::open(const Options& options, c
   farm.metrics = options.metrics;
   farm.retention = options.retention;
   farm.jobs_per_token = options.jobs_per_token;
-  process->farm_ = std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_,
-                                          unix_ms, log);
+  process->farm_ =
+      std::make_unique<Farm>(std::move(farm), *process->port_, *process->blobs_, process->clock_, unix_ms, log);
   if (auto restored = process->farm_->restore(); !restored) {
     process->close();
     return tl::unexpected(restored.error());
@@ -117,8 +116,8 @@ auto FarmProcess::ask(Question question) -> std::invoke_result_t<Question, Farm&
   // Held by the queue and by us: whoever lets go last, a question that is never asked breaks its promise.
   auto promise = std::make_shared<std::promise<Given>>();
   std::future<Given> answer = promise->get_future();
-  const bool asked = events_.push(Event(
-      Asked([promise, question = std::move(question)](Farm& farm) { promise->set_value(question(farm)); })));
+  const bool asked = events_.push(
+      Event(Asked([promise, question = std::move(question)](Farm& farm) { promise->set_value(question(farm)); })));
   promise.reset();
   if (!asked) return when_closed();
   while (answer.wait_for(kTick) != std::future_status::ready) {
@@ -188,8 +187,7 @@ Result<WorkerView> FarmProcess::steer(const std::string& worker, WorkerVerb verb
 
 std::uint64_t FarmProcess::wait_for_change(std::uint64_t version, double seconds) {
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, std::chrono::duration<double>(seconds),
-                    [&] { return closed_ || version_ != version; });
+  changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return closed_ || version_ != version; });
   return version_;
 }
 

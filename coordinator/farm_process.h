@@ -19,15 +19,15 @@
 
 namespace pf {
 
-/// The farm on a thread of its own: events of the engine and questions of users stand in one queue, and the thread answers one
-/// after the other. The questions' side may be called from any thread.
+/// The farm on a thread of its own: events of the engine and questions of users stand in one queue, and the thread
+/// answers one after the other. The questions' side may be called from any thread.
 class FarmProcess final : public JobService {
  public:
   struct Options {
     EngineOptions engine;
     std::filesystem::path state;
     std::uint64_t incarnation = 1;
-    Metrics* metrics = nullptr;   ///< where work is counted
+    Metrics* metrics = nullptr;  ///< where work is counted
     RetentionPolicy retention;
     std::uint64_t jobs_per_token = CoordinatorConfig::Limits().jobs_per_token;
   };

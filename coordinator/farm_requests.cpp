@@ -49,9 +49,8 @@ Result<void> Farm::room_for_job(const std::string& token) const {
   if (static_cast<std::uint64_t>(its) < options_.jobs_per_token) return {};
   return fail(
       ErrorKind::kUnavailable,
-      fmt::format(
-          "the token '{}' has {} jobs that have not ended; expected at most {}: wait for one, or cancel one",
-          token, its, options_.jobs_per_token));
+      fmt::format("the token '{}' has {} jobs that have not ended; expected at most {}: wait for one, or cancel one",
+                  token, its, options_.jobs_per_token));
 }
 
 Result<Validation> Farm::validate(const Submission& submission) const {
@@ -69,12 +68,10 @@ Result<Validation> Farm::validate(const Submission& submission) const {
   };
   for (const std::string& path : {spec->scene.file, spec->scene.environment}) {
     if (!path.empty() && !given(path))
-      validation.warnings.push_back(
-          fmt::format("{}: it is not among the files; a submission needs it", path));
+      validation.warnings.push_back(fmt::format("{}: it is not among the files; a submission needs it", path));
   }
   if (!submission.files.empty()) {
-    if (auto manifest = make_bundle(*spec, submission.files); !manifest)
-      return tl::unexpected(manifest.error());
+    if (auto manifest = make_bundle(*spec, submission.files); !manifest) return tl::unexpected(manifest.error());
   }
   validation.spec_json = canonical_json(*spec);
   return validation;
@@ -91,7 +88,8 @@ Result<JobView> Farm::submit(const Submission& submission) {
   if (!spec) return tl::unexpected(spec.error());
   // Nothing else differs: extended, the pilot is the job.
   double& seconds = spec->stop.seconds;
-  if (submission.pilot_seconds > 0 && (seconds <= 0 || seconds > submission.pilot_seconds)) seconds = submission.pilot_seconds;
+  if (submission.pilot_seconds > 0 && (seconds <= 0 || seconds > submission.pilot_seconds))
+    seconds = submission.pilot_seconds;
   for (const auto& [path, blob] : submission.files) {
     if (!blobs_.has(blob)) {
       return fail(ErrorKind::kInvalidInput,
@@ -115,8 +113,7 @@ Result<JobView> Farm::submit(const Submission& submission) {
   const auto folder = options_.state / "jobs" / id;
   std::error_code code;
   std::filesystem::create_directories(folder, code);
-  if (code)
-    return fail(ErrorKind::kInternal, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
+  if (code) return fail(ErrorKind::kInternal, fmt::format("{}: cannot be made: {}", folder.string(), code.message()));
   std::vector<BlobId> blobs{*bundle};
   for (const auto& [path, blob] : submission.files) blobs.push_back(blob);
   auto job = FarmJob::create(std::move(record), blobs, folder, surroundings());
@@ -149,8 +146,7 @@ Result<JobList> Farm::list(const JobFilter& filter) const {
     if (before != nullptr && order(*entry.job) >= order(*before)) continue;
     found.push_back(entry.job.get());
   }
-  std::sort(found.begin(), found.end(),
-            [&](const FarmJob* a, const FarmJob* b) { return order(*a) < order(*b); });
+  std::sort(found.begin(), found.end(), [&](const FarmJob* a, const FarmJob* b) { return order(*a) < order(*b); });
   JobList list;
   const std::size_t skipped = found.size() - std::min(found.size(), filter.limit);
   if (skipped > 0 && skipped < found.size()) list.before = found[skipped]->id();
@@ -223,8 +219,7 @@ Result<void> Farm::remove(const std::string& id, const std::string& by) {
   if (auto removed = store_->remove(job->record().number); !removed) return removed;
   std::error_code code;
   std::filesystem::remove_all(job->folder(), code);
-  if (code)
-    log_.error("folder cannot be removed", {{"folder", job->folder().string()}, {"why", code.message()}});
+  if (code) log_.error("folder cannot be removed", {{"folder", job->folder().string()}, {"why", code.message()}});
   jobs_.erase(id);
   log_.info("job deleted", {{"id", id}, {"by", by}});
   ++version_;
@@ -286,9 +281,8 @@ Result<std::filesystem::path> Farm::artifact(const std::string& id, Artifact kin
       return fail(ErrorKind::kUnavailable,
                   fmt::format("{}: its {} expired, by the farm's policy of retention", id, what));
     }
-    return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: there is no {} yet; the job is {}", id, file.filename().string(),
-                            to_string(job->record().state)));
+    return fail(ErrorKind::kUnavailable, fmt::format("{}: there is no {} yet; the job is {}", id,
+                                                     file.filename().string(), to_string(job->record().state)));
   }
   return file;
 }
@@ -328,8 +322,7 @@ Result<std::string> Farm::preview_png(const std::string& id) const {
   const auto film = film_of(id);
   if (!film) return tl::unexpected(film.error());
   const auto file = job->folder() / "preview.png";
-  auto written =
-      write_png(file, (*film)->image_rows(), static_cast<float>(job->record().spec.image.exposure));
+  auto written = write_png(file, (*film)->image_rows(), static_cast<float>(job->record().spec.image.exposure));
   if (!written) return tl::unexpected(written.error());
   return read_file(file, std::uint64_t{1} << 31, ErrorKind::kInternal);
 }

@@ -12,7 +12,7 @@ constexpr std::size_t kAtOnce = 1000;
 
 }  // namespace
 
-JobLog::JobLog(std::filesystem::path folder) : file_(std::move(folder) / "log.jsonl") {
+JobLog::JobLog(const std::filesystem::path& folder) : file_(folder / "log.jsonl") {
   std::ifstream stream(file_);
   bool half_a_line = false;
   for (std::string line; std::getline(stream, line);) {

@@ -11,13 +11,13 @@
 
 namespace pf {
 
-/// A job's log: the latest entries in memory, all of them as lines of JSON in `log.jsonl` of the job's folder. A full disk
-/// loses lines of the file and nothing else.
+/// A job's log: the latest entries in memory, all of them as lines of JSON in `log.jsonl` of the job's folder. A full
+/// disk loses lines of the file and nothing else.
 class JobLog {
  public:
   JobLog() = default;
   /// Goes on with the file's numbers.
-  explicit JobLog(std::filesystem::path folder);
+  explicit JobLog(const std::filesystem::path& folder);
 
   void add(std::int64_t unix_ms, std::string_view level, std::string_view source, std::string_view text);
   /// Entries after `after`, at most 1000, oldest first.

@@ -115,8 +115,7 @@ std::string why_refused(JobState state, JobEvent event) {
   } else if (event == JobEvent::kExtend) {
     hint = "retry it first";
   } else if (event == JobEvent::kRetry) {
-    hint = state == JobState::kDone ? "extend it to have it go on"
-                                    : "only a failed or cancelled job can be retried";
+    hint = state == JobState::kDone ? "extend it to have it go on" : "only a failed or cancelled job can be retried";
   } else if (has_ended(state)) {
     hint = state == JobState::kDone ? "it has ended; extend it to have it go on"
                                     : "it has ended; retry it to have it go on";

@@ -19,9 +19,7 @@ constexpr std::string_view kBeauty = "beauty";
 constexpr std::size_t kRgb = 3;
 constexpr float kLargestHalf = HALF_MAX;
 
-std::string_view shown_name(const Layer& layer) {
-  return layer.name.empty() ? kBeauty : std::string_view(layer.name);
-}
+std::string_view shown_name(const Layer& layer) { return layer.name.empty() ? kBeauty : std::string_view(layer.name); }
 
 const Layer* find_layer(const std::vector<Layer>& layers, std::string_view name) {
   const auto found = std::ranges::find(layers, name, shown_name);
@@ -34,6 +32,7 @@ std::uint16_t to_half(float value) {
 
 tl::unexpected<Error> no_such_layer(const std::vector<Layer>& layers, std::string_view name) {
   std::vector<std::string_view> names;
+  names.reserve(layers.size());
   for (const Layer& layer : layers) names.push_back(shown_name(layer));
   std::string text =
       fmt::format("layer: the image has no layer \"{}\"; expected one of {}", name, fmt::join(names, ", "));
@@ -48,8 +47,7 @@ LayerList layer_list(const ImageRows& image) {
   LayerList list;
   list.width = image.width;
   list.height = image.height;
-  for (const Layer& layer : image.rows(0, 1))
-    list.layers.push_back({std::string(shown_name(layer)), layer.channels});
+  for (const Layer& layer : image.rows(0, 1)) list.layers.push_back({std::string(shown_name(layer)), layer.channels});
   return list;
 }
 
@@ -72,8 +70,7 @@ Result<LayerPixels> layer_pixels(const ImageRows& image, const std::string& laye
     for (int y = 0; y < rows; ++y) {
       for (int x = 0; x < image.width; ++x, pixel += channels) {
         float* sum = sums.data() + kRgb * static_cast<std::size_t>(x / block);
-        for (std::size_t c = 0; c < kRgb; ++c)
-          sum[c] += channels == 1 ? pixel[0] : c < channels ? pixel[c] : 0.0f;
+        for (std::size_t c = 0; c < kRgb; ++c) sum[c] += channels == 1 ? pixel[0] : c < channels ? pixel[c] : 0.0f;
       }
     }
     for (std::size_t i = 0; i < sums.size(); ++i) {

@@ -49,8 +49,7 @@ pf::Result<pf::CoordinatorConfig> read_config(const Options& options) {
                                            : std::filesystem::path(options.config);
   std::error_code ignored;
   pf::Result<pf::CoordinatorConfig> config;
-  if (!options.config.empty() || std::filesystem::exists(file, ignored))
-    config = pf::load_coordinator_config(file);
+  if (!options.config.empty() || std::filesystem::exists(file, ignored)) config = pf::load_coordinator_config(file);
   if (!config) return config;
   if (!options.host.empty()) config->http.host = options.host;
   if (options.port != 0) config->http.port = options.port;
@@ -105,25 +104,21 @@ int main(int argc, char** argv) {
   // Chunks come on one thread and go on another. Left to itself, glibc soon takes them from its heaps, which
   // several megabytes of holes then keep for good; mapped, they go back at once.
   constexpr int kMappedBytes = 256 * 1024;
-  mallopt(M_MMAP_THRESHOLD, kMappedBytes);
+  mallopt(M_MMAP_THRESHOLD, kMappedBytes);  // NOLINT(concurrency-mt-unsafe): no thread has been started yet
   std::signal(SIGINT, on_interrupt);
   std::signal(SIGTERM, on_interrupt);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk
   Options options;
-  CLI::App app{"Cuts jobs into work units, merges their results, serves the HTTP API.",
-               "photonfarm-coordinator"};
+  CLI::App app{"Cuts jobs into work units, merges their results, serves the HTTP API.", "photonfarm-coordinator"};
   app.set_version_flag("--version", std::string("photonfarm-coordinator ") + pf::kBuildId);
   app.add_option("--state", options.state, "folder for jobs, scenes, url and token")->required();
   app.add_option("--engine", options.engine,
                  "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
-  app.add_option("--credentials", options.credentials,
-                 "file that photonfarm farm init made for the coordinator");
-  app.add_option(
-      "--config", options.config,
-      "the operator's settings: TLS, limits, notifications; by default config.toml of the state folder");
-  app.add_option("--host", options.host,
-                 "address that the HTTP API listens on; by default 127.0.0.1; others need TLS");
+  app.add_option("--credentials", options.credentials, "file that photonfarm farm init made for the coordinator");
+  app.add_option("--config", options.config,
+                 "the operator's settings: TLS, limits, notifications; by default config.toml of the state folder");
+  app.add_option("--host", options.host, "address that the HTTP API listens on; by default 127.0.0.1; others need TLS");
   app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")
       ->check(CLI::Range(0, 65535));
   app.add_option("--ack-wait", options.ack_wait, "seconds after which a silent worker's units go to others")

@@ -20,8 +20,7 @@ void head(std::string& text, std::string_view name, std::string_view type, std::
   text += fmt::format("# HELP photonfarm_{0} {2}\n# TYPE photonfarm_{0} {1}\n", name, type, help);
 }
 
-void single(std::string& text, std::string_view name, std::string_view type, std::string_view help,
-            double value) {
+void single(std::string& text, std::string_view name, std::string_view type, std::string_view help, double value) {
   head(text, name, type, help);
   text += fmt::format("photonfarm_{} {}\n", name, value);
 }
@@ -48,8 +47,7 @@ void write_jobs(std::string& text, const std::vector<JobView>& jobs) {
     passes += job.passes_per_second;
   }
   by_state(text, "jobs", "Jobs by state.", states);
-  single(text, "rays_per_second", "gauge", "Rays traced per second by the jobs that run, as their views say.",
-         rays);
+  single(text, "rays_per_second", "gauge", "Rays traced per second by the jobs that run, as their views say.", rays);
   single(text, "passes_per_second", "gauge", "Sub-passes per second of the jobs that run.", passes);
 }
 
@@ -77,8 +75,7 @@ void Histogram::observe(double seconds) {
 
 void Histogram::write(std::string& text, std::string_view name, std::string_view labels) const {
   const std::lock_guard lock(mutex_);
-  const std::string own =
-      labels.empty() ? std::string() : fmt::format("{{{}}}", labels.substr(0, labels.size() - 1));
+  const std::string own = labels.empty() ? std::string() : fmt::format("{{{}}}", labels.substr(0, labels.size() - 1));
   std::uint64_t below = 0;
   for (std::size_t i = 0; i < counts_.size(); ++i) {
     below += counts_[i];
@@ -94,8 +91,7 @@ void Metrics::request(std::string_view method, std::string_view route, int statu
   auto found = request_seconds_.find(labels);
   if (found == request_seconds_.end()) {
     found = request_seconds_
-                .try_emplace(labels, std::vector<double>{0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25,
-                                                         0.5, 1, 5})
+                .try_emplace(labels, std::vector<double>{0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 5})
                 .first;
   }
   found->second.observe(seconds);
@@ -126,8 +122,7 @@ std::string Metrics::text(const std::vector<JobView>& jobs, const std::vector<Wo
   const std::lock_guard lock(mutex_);
   head(text, "http_request_seconds", "histogram",
        "Seconds until a request was answered; of streams, until they began.");
-  for (const auto& [labels, histogram] : request_seconds_)
-    histogram.write(text, "http_request_seconds", labels);
+  for (const auto& [labels, histogram] : request_seconds_) histogram.write(text, "http_request_seconds", labels);
   head(text, "http_requests_total", "counter", "Requests by status code.");
   for (const auto& [labels, count] : requests_)
     text += fmt::format("photonfarm_http_requests_total{{{}}} {}\n", labels, count);

@@ -1,7 +1,7 @@
 #include "coordinator/result_intake.h"
 
 #include <cerrno>
-#include <cstring>
+#include <system_error>
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@ namespace pf {
 namespace {
 
 tl::unexpected<Error> disk_error(const std::string& name, std::string_view what) {
-  return fail(ErrorKind::kInternal, fmt::format("{}: {}: {}", name, what, std::strerror(errno)));
+  return fail(ErrorKind::kInternal, fmt::format("{}: {}: {}", name, what, std::generic_category().message(errno)));
 }
 
 }  // namespace

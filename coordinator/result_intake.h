@@ -12,8 +12,8 @@
 
 namespace pf {
 
-/// A result on its way in: its chunks gather in a file, so that the coordinator's memory does not grow with the image or the
-/// number of workers, and are merged once all are there.
+/// A result on its way in: its chunks gather in a file, so that the coordinator's memory does not grow with the image
+/// or the number of workers, and are merged once all are there.
 class ResultIntake {
  public:
   /// Chunks asked for at a time: bounds what is under way to the coordinator.
@@ -24,8 +24,8 @@ class ResultIntake {
   ResultIntake& operator=(ResultIntake&&) noexcept = default;
 
   [[nodiscard]] const wire::ResultManifest& manifest() const { return manifest_; }
-  /// Keeps a chunk. One whose hash is not the manifest's (damaged on the way) and one that is here already are dropped: false.
-  /// Errors: kInternal for the disk.
+  /// Keeps a chunk. One whose hash is not the manifest's (damaged on the way) and one that is here already are dropped:
+  /// false. Errors: kInternal for the disk.
   [[nodiscard]] Result<bool> put(std::uint32_t index, std::string_view data);
   [[nodiscard]] bool complete() const { return kept_ == chunks_.size(); }
   /// True when all chunks asked for last have come.

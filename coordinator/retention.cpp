@@ -19,7 +19,7 @@ std::vector<Expiry> what_expires(const RetentionPolicy& policy, std::vector<Kept
   std::vector<Expiry> expired;
   std::uint64_t bytes = 0;
   const auto judge = [&](const KeptFiles& files, bool results, double days) {
-    std::uint64_t KeptFiles::* const part = results ? &KeptFiles::result_bytes : &KeptFiles::checkpoint_bytes;
+    std::uint64_t KeptFiles::*const part = results ? &KeptFiles::result_bytes : &KeptFiles::checkpoint_bytes;
     if (files.*part == 0) return;
     if (days > 0 && static_cast<double>(now_unix_ms - files.ended_unix_ms) >= days * kDayMs) {
       expired.push_back({files.job, results, fmt::format("it is kept for {:g} days", days)});

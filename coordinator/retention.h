@@ -28,6 +28,7 @@ struct Expiry {
 };
 
 /// Beyond the bound on bytes, checkpoints of the jobs that ended first go first, then results in the same order.
-[[nodiscard]] std::vector<Expiry> what_expires(const RetentionPolicy& policy, std::vector<KeptFiles> kept, std::int64_t now_unix_ms);
+[[nodiscard]] std::vector<Expiry> what_expires(const RetentionPolicy& policy, std::vector<KeptFiles> kept,
+                                               std::int64_t now_unix_ms);
 
 }  // namespace pf

@@ -16,15 +16,15 @@ struct UnitRange {
   friend bool operator==(const UnitRange&, const UnitRange&) = default;
 };
 
-/// Which sub-passes of a job are done, which are out as units, and which may go out next. Every sub-pass counts once: a unit is
-/// out or done, never both, and two units never overlap.
+/// Which sub-passes of a job are done, which are out as units, and which may go out next. Every sub-pass counts once: a
+/// unit is out or done, never both, and two units never overlap.
 class UnitLedger {
  public:
   struct Out {
     UnitRange range;
     std::uint32_t attempt = 1;
-    double since = 0;         ///< when this attempt was published or last seen with a worker
-    std::string holder;       ///< worker that has it; empty: still in the queue, as far as is known
+    double since = 0;    ///< when this attempt was published or last seen with a worker
+    std::string holder;  ///< worker that has it; empty: still in the queue, as far as is known
     std::uint32_t failures = 0;
   };
 
@@ -55,8 +55,8 @@ class UnitLedger {
   [[nodiscard]] std::vector<UnitRange> done_beyond() const;
 
  private:
-  std::map<std::uint64_t, Out> out_;                   ///< by first sub-pass
-  std::map<std::uint64_t, std::uint64_t> done_;        ///< beyond done_below_: first -> end
+  std::map<std::uint64_t, Out> out_;             ///< by first sub-pass
+  std::map<std::uint64_t, std::uint64_t> done_;  ///< beyond done_below_: first -> end
   std::uint64_t done_below_ = 0;
   std::uint64_t issued_below_ = 0;
 };

@@ -32,8 +32,7 @@ const char* name_of(wire::Heartbeat::Activity activity) {
 WorkerRegistry::Worker& WorkerRegistry::heard(const std::string& name, std::uint64_t incarnation,
                                               const wire::Heartbeat& heartbeat, double now) {
   Worker& worker = workers_[name];
-  const bool was_idle =
-      worker.incarnation == incarnation && worker.heartbeat.activity() == wire::Heartbeat::IDLE;
+  const bool was_idle = worker.incarnation == incarnation && worker.heartbeat.activity() == wire::Heartbeat::IDLE;
   if (!was_idle) worker.idle_since = now;
   worker.incarnation = incarnation;
   worker.heartbeat = heartbeat;
@@ -103,8 +102,8 @@ bool WorkerRegistry::works(const Worker& worker, double now) const {
 }
 
 std::size_t WorkerRegistry::live(double now) const {
-  return static_cast<std::size_t>(std::count_if(workers_.begin(), workers_.end(),
-                                                [&](const auto& entry) { return works(entry.second, now); }));
+  return static_cast<std::size_t>(
+      std::count_if(workers_.begin(), workers_.end(), [&](const auto& entry) { return works(entry.second, now); }));
 }
 
 bool WorkerRegistry::any_idle_since(double since, double now) const {

@@ -11,28 +11,28 @@
 
 namespace pf {
 
-/// The workers that have been heard, and those that are not trusted any more. A worker is a name; a restarted one is the same
-/// worker in another incarnation.
+/// The workers that have been heard, and those that are not trusted any more. A worker is a name; a restarted one is
+/// the same worker in another incarnation.
 class WorkerRegistry {
  public:
   struct Worker {
     std::uint64_t incarnation = 0;
     wire::Heartbeat heartbeat;
-    double heard = 0;             ///< when
-    double idle_since = 0;        ///< meaningful while it is idle
-    std::string quarantined;      ///< why; empty: trusted
-    int faults = 0;               ///< malformed messages so far
+    double heard = 0;                   ///< when
+    double idle_since = 0;              ///< meaningful while it is idle
+    std::string quarantined;            ///< why; empty: trusted
+    int faults = 0;                     ///< malformed messages so far
     std::optional<WorkerVerb> steered;  ///< drained or disabled ...
-    std::string steered_by;       ///< ... by whom
-    bool lost = false;            ///< said so by newly_lost()
+    std::string steered_by;             ///< ... by whom
+    bool lost = false;                  ///< said so by newly_lost()
   };
 
   /// `silence`: seconds without a word after which a worker counts as lost.
   explicit WorkerRegistry(double silence) : silence_(silence) {}
 
   Worker& heard(const std::string& name, std::uint64_t incarnation, const wire::Heartbeat& heartbeat, double now);
-  /// From then on nothing that the worker says counts. The name stays barred while the coordinator runs: the same program on
-  /// the same host would err again.
+  /// From then on nothing that the worker says counts. The name stays barred while the coordinator runs: the same
+  /// program on the same host would err again.
   void quarantine(const std::string& name, const std::string& reason);
   [[nodiscard]] bool is_quarantined(const std::string& name) const;
   /// False when the name is not known. Enabling also ends a quarantine.

@@ -16,12 +16,13 @@ namespace pf {
 struct ChildOptions {
   std::filesystem::path program;
   std::vector<std::string> arguments;
-  std::filesystem::path log;  ///< standard output and error are appended here; empty: they are dropped
+  std::filesystem::path log;   ///< standard output and error are appended here; empty: they are dropped
   std::vector<int> cpus = {};  ///< the only processors that it may run on; empty: those of this process
 };
 
-/// A program that runs beside this one, in a process group of its own (Ctrl-C at the terminal does not reach it). The kernel
-/// kills it when the thread that started it ends, however that comes about. Destroying a Child kills and reaps it.
+/// A program that runs beside this one, in a process group of its own (Ctrl-C at the terminal does not reach it). The
+/// kernel kills it when the thread that started it ends, however that comes about. Destroying a Child kills and reaps
+/// it.
 class Child {
  public:
   /// Errors: kUnavailable when it cannot be started.

@@ -35,9 +35,7 @@ ClientCommand::ClientCommand(const Context& context, std::string name, const std
 std::optional<int> ClientCommand::parse(const Arguments& arguments) {
   if (const auto code = parse_arguments(app_, context_, arguments)) return code;
   ServiceOptions options;
-  options.server = !server_.empty()           ? server_
-                   : !context_.server.empty() ? context_.server
-                                              : context_.state.string();
+  options.server = !server_.empty() ? server_ : !context_.server.empty() ? context_.server : context_.state.string();
   options.token = context_.token;
   options.ca = ca_;
   options.retry_seconds = retry_seconds_;
@@ -69,8 +67,7 @@ int ClientCommand::watch(nlohmann::json& job) {
   std::string state;
   const auto ended = watch_job(client(), id, [&](const nlohmann::json& now) {
     // Elsewhere than on a terminal a new state is worth a line of its own.
-    const bool changed =
-        style == StatusLine::Style::kLines && job_text(now, "state") != state && !job_has_ended(now);
+    const bool changed = style == StatusLine::Style::kLines && job_text(now, "state") != state && !job_has_ended(now);
     if (line.due() || changed) line.show(job_line(now, style));
     state = job_text(now, "state");
     job = now;
@@ -78,8 +75,7 @@ int ClientCommand::watch(nlohmann::json& job) {
   if (!ended) {
     if (style == StatusLine::Style::kBar) context_.err << '\n';
     if (ended.error().kind != ErrorKind::kInterrupted) return report(ended.error());
-    note(fmt::format(
-        "the job goes on; 'photonfarm watch {0}' shows it again, 'photonfarm cancel {0}' ends it", id));
+    note(fmt::format("the job goes on; 'photonfarm watch {0}' shows it again, 'photonfarm cancel {0}' ends it", id));
     return exit_code(ErrorKind::kInterrupted);
   }
   line.finish(job_line(*ended, style));
@@ -88,8 +84,8 @@ int ClientCommand::watch(nlohmann::json& job) {
   }
   const std::string end = job_text(*ended, "state"), message = job_text(*ended, "message");
   if (end == "done") return 0;
-  note(fmt::format("{} {}{}{}; 'photonfarm logs {}' says more", id,
-                   end == "failed" ? "failed" : "was cancelled", message.empty() ? "" : ": ", message, id));
+  note(fmt::format("{} {}{}{}; 'photonfarm logs {}' says more", id, end == "failed" ? "failed" : "was cancelled",
+                   message.empty() ? "" : ": ", message, id));
   return exit_code(ErrorKind::kInternal);
 }
 

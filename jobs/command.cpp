@@ -4,8 +4,8 @@
 #include <array>
 #include <ostream>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "build_id.h"
 #include "common/base/nearest_name.h"
@@ -17,8 +17,7 @@ namespace {
 constexpr std::array kCommands = {
     Command{"render", "render a job file to EXR, PNG and figures", "photonfarm render JOB.toml --out out",
             run_render_command},
-    Command{"plan", "say which algorithm a job would use, and why", "photonfarm plan JOB.toml",
-            run_plan_command},
+    Command{"plan", "say which algorithm a job would use, and why", "photonfarm plan JOB.toml", run_plan_command},
     Command{"compare", "measure how far an image is from a reference", "photonfarm compare A.exr REF.exr",
             run_compare_command},
     Command{"bench", "chart error against time, for methods and scenes", "photonfarm bench SUITE.toml --out DIR",
@@ -34,17 +33,23 @@ constexpr std::array kCommands = {
     Command{"pause", "set a job aside; its checkpoint is kept", "photonfarm pause JOB", run_pause_command},
     Command{"resume", "let a paused job go on", "photonfarm resume JOB", run_resume_command},
     Command{"retry", "start a failed or cancelled job again", "photonfarm retry JOB", run_retry_command},
-    Command{"extend", "give a job more passes, time or a lower error", "photonfarm extend JOB --passes 1024", run_extend_command},
+    Command{"extend", "give a job more passes, time or a lower error", "photonfarm extend JOB --passes 1024",
+            run_extend_command},
     Command{"set", "change a job's priority or its most workers", "photonfarm set JOB --priority 80", run_set_command},
     Command{"remove", "remove a job that has ended", "photonfarm remove JOB", run_remove_command},
     Command{"units", "list a job's work units", "photonfarm units JOB", run_units_command},
     Command{"validate", "check a job file by the farm's rules", "photonfarm validate JOB.toml", run_validate_command},
     Command{"download", "fetch a job's images and figures", "photonfarm download JOB --out out", run_download_command},
-    Command{"verify", "check a result by computing it again", "photonfarm verify IMAGE.exr --scene jobs", run_verify_command},
-    Command{"estimate", "predict a job's time, memory and network bytes", "photonfarm estimate JOB.toml --error 0.01", run_estimate_command},
-    Command{"workers", "list, drain, disable and enable workers", "photonfarm workers drain worker-3", run_workers_command},
-    Command{"token", "make, list and revoke tokens of the service", "photonfarm token create anna --role submit", run_token_command},
-    Command{"completion", "print a shell's completion script", "source <(photonfarm completion bash)", run_completion_command},
+    Command{"verify", "check a result by computing it again", "photonfarm verify IMAGE.exr --scene jobs",
+            run_verify_command},
+    Command{"estimate", "predict a job's time, memory and network bytes", "photonfarm estimate JOB.toml --error 0.01",
+            run_estimate_command},
+    Command{"workers", "list, drain, disable and enable workers", "photonfarm workers drain worker-3",
+            run_workers_command},
+    Command{"token", "make, list and revoke tokens of the service", "photonfarm token create anna --role submit",
+            run_token_command},
+    Command{"completion", "print a shell's completion script", "source <(photonfarm completion bash)",
+            run_completion_command},
     Command{"doctor", "check that this machine can render", "photonfarm doctor", run_doctor_command},
 };
 
@@ -105,8 +110,7 @@ std::optional<int> parse_arguments(CLI::App& app, const Context& context, const 
       const std::string name = argument.substr(0, argument.find('='));
       if (name.starts_with("--") && std::find(valid.begin(), valid.end(), name) == valid.end()) {
         message = fmt::format("unknown option '{}'", name);
-        if (const auto near = nearest_name(name, valid))
-          message += fmt::format("; did you mean '{}'?", *near);
+        if (const auto near = nearest_name(name, valid)) message += fmt::format("; did you mean '{}'?", *near);
         break;
       }
     }

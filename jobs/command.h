@@ -24,10 +24,10 @@ struct Context {
   std::filesystem::path temporary;  ///< TMPDIR or /tmp
   std::ostream& out;
   std::ostream& err;
-  std::string server = {};   ///< PHOTONFARM_SERVER
-  std::string token = {};    ///< PHOTONFARM_TOKEN
-  bool terminal = false;     ///< standard error is one
-  int columns = 80;          ///< of that
+  std::string server = {};  ///< PHOTONFARM_SERVER
+  std::string token = {};   ///< PHOTONFARM_TOKEN
+  bool terminal = false;    ///< standard error is one
+  int columns = 80;         ///< of that
   /// When set, a command shows its parser to it and does nothing else; for shell completion.
   std::function<void(const CLI::App& parser)> inspect = {};
 };
@@ -49,8 +49,7 @@ struct Command {
 
 /// Parses a command's arguments. Empty: go on. Else the exit code: 0 after --help (written to `context.out`),
 /// 2 after a usage error (written to `context.err`, with the nearest valid option).
-[[nodiscard]] std::optional<int> parse_arguments(CLI::App& app, const Context& context,
-                                                 const Arguments& arguments);
+[[nodiscard]] std::optional<int> parse_arguments(CLI::App& app, const Context& context, const Arguments& arguments);
 
 [[nodiscard]] int run_render_command(const Context& context, const Arguments& arguments);
 [[nodiscard]] int run_plan_command(const Context& context, const Arguments& arguments);

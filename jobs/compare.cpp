@@ -38,12 +38,10 @@ struct Comparison {
   image = std::move(*read);
   const Layer* beauty = image.find("");
   if (beauty == nullptr) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: no channels R, G, B; only named layers", file.string()));
+    return fail(ErrorKind::kInvalidInput, fmt::format("{}: no channels R, G, B; only named layers", file.string()));
   }
   auto pixels = rgb_pixels(*beauty);
-  if (!pixels)
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: {}", file.string(), pixels.error().message));
+  if (!pixels) return fail(ErrorKind::kInvalidInput, fmt::format("{}: {}", file.string(), pixels.error().message));
   return pixels;
 }
 
@@ -51,14 +49,12 @@ struct Comparison {
                                         int width) {
   if (count.nonfinite == 0) return {};
   const auto [y, x] = std::div(static_cast<long>(count.first_nonfinite), static_cast<long>(width));
-  return fail(
-      ErrorKind::kInvalidInput,
-      fmt::format("{}: {} pixels are NaN or infinite, the first at x = {}, y = {}; expected finite pixels",
-                  file.string(), count.nonfinite, x, y));
+  return fail(ErrorKind::kInvalidInput,
+              fmt::format("{}: {} pixels are NaN or infinite, the first at x = {}, y = {}; expected finite pixels",
+                          file.string(), count.nonfinite, x, y));
 }
 
-[[nodiscard]] std::vector<LayerComparison> compare_layers(const LayeredImage& image,
-                                                          const LayeredImage& reference) {
+[[nodiscard]] std::vector<LayerComparison> compare_layers(const LayeredImage& image, const LayeredImage& reference) {
   std::vector<LayerComparison> comparisons;
   for (const Layer& layer : image.layers) {
     const Layer* other = layer.name.empty() ? nullptr : reference.find(layer.name);
@@ -116,8 +112,7 @@ struct Comparison {
       squares.data.push_back(difference * difference / (r * r + 0.01f));
     }
   }
-  return write_exr(
-      file, {result.width, result.height, {std::move(squares), {"flip", {"Y"}, result.hdr.error}}, {}});
+  return write_exr(file, {result.width, result.height, {std::move(squares), {"flip", {"Y"}, result.hdr.error}}, {}});
 }
 
 [[nodiscard]] nlohmann::ordered_json to_json(const ErrorMetrics& metrics) {
@@ -169,22 +164,21 @@ struct Comparison {
   line("SMAPE", number(m.smape));
   line("max error", number(m.max_error));
   line("mean ratio", number(m.mean_ratio));
-  line("HDR-FLIP mean",
-       fmt::format("{:.6g}   ({} exposures from {:+.2f} to {:+.2f} stops)", result.hdr.mean,
-                   result.hdr.exposures, result.hdr.start_exposure, result.hdr.stop_exposure));
+  line("HDR-FLIP mean", fmt::format("{:.6g}   ({} exposures from {:+.2f} to {:+.2f} stops)", result.hdr.mean,
+                                    result.hdr.exposures, result.hdr.start_exposure, result.hdr.stop_exposure));
   line("LDR-FLIP mean", number(result.ldr.mean) + "   (clamped to [0, 1])");
   if (m.image.negative + m.reference.negative > 0) {
     line("negative pixels",
          fmt::format("{} in the image, {} in the reference", m.image.negative, m.reference.negative));
   }
   if (!result.layers.empty()) {
-    fmt::format_to(std::back_inserter(text), "\n{:<22}{:<14}{:<16}{:<14}{}\n", "layer", "relMSE",
-                   "relMSE trimmed", "RMSE", "mean ratio");
+    fmt::format_to(std::back_inserter(text), "\n{:<22}{:<14}{:<16}{:<14}{}\n", "layer", "relMSE", "relMSE trimmed",
+                   "RMSE", "mean ratio");
   }
   for (const auto& [name, layer] : result.layers) {
     if (!layer.finite()) {
-      line(name, fmt::format("{} NaN or infinite pixels in the image, {} in the reference",
-                             layer.image.nonfinite, layer.reference.nonfinite));
+      line(name, fmt::format("{} NaN or infinite pixels in the image, {} in the reference", layer.image.nonfinite,
+                             layer.reference.nonfinite));
       continue;
     }
     fmt::format_to(std::back_inserter(text), "{:<22}{:<14}{:<16}{:<14}{}\n", name, number(layer.relative_mse),
@@ -198,9 +192,8 @@ struct Comparison {
 Result<std::string> run_compare(const CompareOptions& options) {
   const std::string extension = options.error_image.extension().string();
   if (!options.error_image.empty() && extension != ".png" && extension != ".exr") {
-    return fail(ErrorKind::kUsage,
-                fmt::format("--error-image {}: unknown kind of image; expected .png or .exr",
-                            options.error_image.string()));
+    return fail(ErrorKind::kUsage, fmt::format("--error-image {}: unknown kind of image; expected .png or .exr",
+                                               options.error_image.string()));
   }
   const auto result = compare(options);
   if (!result) return tl::unexpected(result.error());

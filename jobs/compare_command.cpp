@@ -1,7 +1,7 @@
 #include <ostream>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "jobs/command.h"
 #include "jobs/compare.h"
@@ -10,8 +10,7 @@ namespace pf {
 
 int run_compare_command(const Context& context, const Arguments& arguments) {
   CompareOptions options;
-  CLI::App app("Measures how far the beauty of an EXR image is from that of a reference.",
-               "photonfarm compare");
+  CLI::App app("Measures how far the beauty of an EXR image is from that of a reference.", "photonfarm compare");
   app.add_option("IMAGE", options.image, "the image to judge")->required();
   app.add_option("REFERENCE", options.reference, "what it should be; same size")->required();
   app.add_flag("--json", options.json, "print one JSON document instead of a table");

@@ -29,15 +29,14 @@ void collect(const std::string& words, const json& tree, std::vector<Completable
     for (const json& name : option.at("names")) {
       command.options.push_back(name.get<std::string>());
       if (!option.at("choices").empty())
-        command.choices.emplace_back(command.options.back(),
-                                     option.at("choices").get<std::vector<std::string>>());
+        command.choices.emplace_back(command.options.back(), option.at("choices").get<std::vector<std::string>>());
     }
   }
   const std::size_t at = all.size();
   all.push_back(std::move(command));
   for (const auto& [name, subtree] : tree.at("commands").items()) {
     all[at].subcommands.push_back(name);
-    collect(words + " " + name, subtree, all);
+    collect(fmt::format("{} {}", words, name), subtree, all);
   }
 }
 
@@ -64,8 +63,7 @@ std::vector<Completable> completables(const Context& context) {
   constexpr double kSeconds = 20;
   std::vector<Completable> all;
   json worker;  // render and plan have their parsers there
-  if (const auto described =
-          run_and_capture(context.folder / "photonfarm-worker", {"describe-commands"}, kSeconds))
+  if (const auto described = run_and_capture(context.folder / "photonfarm-worker", {"describe-commands"}, kSeconds))
     worker = json::parse(described->output, nullptr, false);
   for (const Command& command : commands()) {
     const std::string name(command.name);
@@ -128,8 +126,8 @@ std::string zsh_script(const std::vector<Completable>& all) {
 std::string fish_script(const std::vector<Completable>& all) {
   std::string text = "# photonfarm's completion for fish: photonfarm completion fish | source\n";
   for (const Command& command : commands()) {
-    text += fmt::format("complete -c photonfarm -n __fish_use_subcommand -a {} -d \"{}\"\n", command.name,
-                        command.summary);
+    text +=
+        fmt::format("complete -c photonfarm -n __fish_use_subcommand -a {} -d \"{}\"\n", command.name, command.summary);
   }
   for (const Completable& c : all) {
     std::string seen;
@@ -143,11 +141,10 @@ std::string fish_script(const std::vector<Completable>& all) {
     for (const std::string& subcommand : c.subcommands) text += fmt::format("{} -a {}\n", begin, subcommand);
     for (const std::string& option : c.options) {
       const bool is_long = option.starts_with("--");
-      const auto choices =
-          std::ranges::find(c.choices, option, [](const auto& choice) { return choice.first; });
-      text += fmt::format(
-          "{} {} {}{}\n", begin, is_long ? "-l" : "-s", option.substr(is_long ? 2 : 1),
-          choices == c.choices.end() ? std::string() : fmt::format(" -xa \"{}\"", joined(choices->second)));
+      const auto choices = std::ranges::find(c.choices, option, [](const auto& choice) { return choice.first; });
+      text +=
+          fmt::format("{} {} {}{}\n", begin, is_long ? "-l" : "-s", option.substr(is_long ? 2 : 1),
+                      choices == c.choices.end() ? std::string() : fmt::format(" -xa \"{}\"", joined(choices->second)));
     }
   }
   return text;
@@ -158,9 +155,7 @@ std::string fish_script(const std::vector<Completable>& all) {
 int run_completion_command(const Context& context, const Arguments& arguments) {
   std::string shell;
   CLI::App app("Prints a script by which a shell completes photonfarm's arguments.", "photonfarm completion");
-  app.add_option("SHELL", shell, "bash, zsh or fish")
-      ->required()
-      ->check(CLI::IsMember({"bash", "zsh", "fish"}));
+  app.add_option("SHELL", shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
   app.footer(
       "Examples:\n  source <(photonfarm completion bash)          # in ~/.bashrc; zsh likewise\n"
       "  photonfarm completion fish > ~/.config/fish/completions/photonfarm.fish");

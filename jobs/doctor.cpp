@@ -62,11 +62,10 @@ std::filesystem::path nearest_existing(std::filesystem::path folder) {
 }  // namespace
 
 Check check_cpu() {
-  const std::array<std::pair<const char*, bool>, 4> needed = {
-      {{"AVX2", __builtin_cpu_supports("avx2") != 0},
-       {"FMA", __builtin_cpu_supports("fma") != 0},
-       {"BMI2", __builtin_cpu_supports("bmi2") != 0},
-       {"SSE4.2", __builtin_cpu_supports("sse4.2") != 0}}};
+  const std::array<std::pair<const char*, bool>, 4> needed = {{{"AVX2", __builtin_cpu_supports("avx2") != 0},
+                                                               {"FMA", __builtin_cpu_supports("fma") != 0},
+                                                               {"BMI2", __builtin_cpu_supports("bmi2") != 0},
+                                                               {"SSE4.2", __builtin_cpu_supports("sse4.2") != 0}}};
   std::vector<std::string> has, lacks;
   for (const auto& [name, present] : needed) (present ? has : lacks).emplace_back(name);
   if (lacks.empty()) return {"cpu", Health::kOk, fmt::format("{}", fmt::join(has, ", ")), ""};
@@ -98,18 +97,15 @@ Check check_worker(const std::filesystem::path& program, const std::string& buil
   const std::string line = run->output.substr(0, run->output.find('\n'));
   const std::string answer = line.substr(line.rfind(' ') + 1);
   if (answer != build_id) {
-    return bad(fmt::format("its build is {}, this is {}", answer, build_id),
-               "build or install both together");
+    return bad(fmt::format("its build is {}, this is {}", answer, build_id), "build or install both together");
   }
   return {"worker", Health::kOk, answer, ""};
 }
 
 Check check_nats(const std::string& search_path) {
-  const std::filesystem::path program =
-      find_program("nats-server", search_path + ":/usr/sbin:/usr/local/sbin");
+  const std::filesystem::path program = find_program("nats-server", search_path + ":/usr/sbin:/usr/local/sbin");
   if (!program.empty()) return {"nats-server", Health::kOk, program.string(), ""};
-  return {"nats-server", Health::kNote, "not found in PATH",
-          "only a farm needs it: apt-get install nats-server"};
+  return {"nats-server", Health::kNote, "not found in PATH", "only a farm needs it: apt-get install nats-server"};
 }
 
 Check check_writable(std::string name, const std::filesystem::path& folder) {
@@ -133,10 +129,8 @@ Check check_writable(std::string name, const std::filesystem::path& folder) {
 
 Check judge_disk(std::uint64_t free_bytes) {
   const std::string found = size_words(free_bytes) + " free";
-  if (free_bytes < 100 * kMiB)
-    return {"disk", Health::kBad, found, "images and checkpoints need at least 100 MiB"};
-  if (free_bytes < 1024 * kMiB)
-    return {"disk", Health::kNote, found, "a farm's results may need more than 1 GiB"};
+  if (free_bytes < 100 * kMiB) return {"disk", Health::kBad, found, "images and checkpoints need at least 100 MiB"};
+  if (free_bytes < 1024 * kMiB) return {"disk", Health::kNote, found, "a farm's results may need more than 1 GiB"};
   return {"disk", Health::kOk, found, ""};
 }
 
@@ -160,10 +154,10 @@ Check check_threads() {
   std::uint64_t quota = 0, period = 0;
   std::ifstream limit("/sys/fs/cgroup/cpu.max");
   if (limit >> quota >> period && period > 0 && quota < period * static_cast<std::uint64_t>(threads)) {
-    return {"threads", Health::kNote,
-            fmt::format("{}, in {:.1f} processors' time", found,
-                        static_cast<double>(quota) / static_cast<double>(period)),
-            "the control group limits this process: --threads with fewer threads loses nothing"};
+    return {
+        "threads", Health::kNote,
+        fmt::format("{}, in {:.1f} processors' time", found, static_cast<double>(quota) / static_cast<double>(period)),
+        "the control group limits this process: --threads with fewer threads loses nothing"};
   }
   return {"threads", Health::kOk, std::move(found), ""};
 }
@@ -176,8 +170,7 @@ std::vector<Check> examine(const Machine& machine) {
   checks.push_back(check_writable("state folder", machine.state));
   checks.push_back(check_writable("temp folder", machine.temporary));
   std::error_code error;
-  const auto space =
-      std::filesystem::space(nearest_existing(machine.state.empty() ? "/" : machine.state), error);
+  const auto space = std::filesystem::space(nearest_existing(machine.state.empty() ? "/" : machine.state), error);
   checks.push_back(judge_disk(error ? 0 : space.available));
   checks.push_back(judge_memory(available_memory()));
   checks.push_back(check_threads());

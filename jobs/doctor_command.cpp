@@ -14,13 +14,15 @@ namespace pf {
 int run_doctor_command(const Context& context, const Arguments& arguments) {
   bool json = false;
   std::string state;
-  CLI::App app("Checks that this machine can render: processor, worker, folders, disk, memory, threads. With --state: that a "
-               "farm's state folder is whole, and says what to do about what is not. Changes nothing.",
-               "photonfarm doctor");
+  CLI::App app(
+      "Checks that this machine can render: processor, worker, folders, disk, memory, threads. With --state: that a "
+      "farm's state folder is whole, and says what to do about what is not. Changes nothing.",
+      "photonfarm doctor");
   app.add_option("--state", state, "look through this folder of a farm instead; it may be at work");
   app.add_flag("--json", json, "print one JSON document instead of a table");
-  app.footer("Exit code 0 when all is well, 2 when the folder is none of a farm, else 5.\n\n"
-             "Examples:\n  photonfarm doctor\n  photonfarm doctor --json\n  photonfarm doctor --state /var/lib/photonfarm");
+  app.footer(
+      "Exit code 0 when all is well, 2 when the folder is none of a farm, else 5.\n\n"
+      "Examples:\n  photonfarm doctor\n  photonfarm doctor --json\n  photonfarm doctor --state /var/lib/photonfarm");
   if (const std::optional<int> code = parse_arguments(app, context, arguments)) return *code;
   std::vector<Check> checks;
   if (state.empty()) {

@@ -78,16 +78,15 @@ class PartialFile {
 };
 
 std::string part_name(const fs::path& target, std::string_view id, std::string_view etag) {
-  return fmt::format(".{}.{:0{}x}{}", target.filename().string(), xxh3_64(fmt::format("{}\n{}", id, etag)),
-                     kDigits, kEnd);
+  return fmt::format(".{}.{:0{}x}{}", target.filename().string(), xxh3_64(fmt::format("{}\n{}", id, etag)), kDigits,
+                     kEnd);
 }
 
 /// Removes parts of other contents of the same target.
 void remove_other_parts(const fs::path& target, const std::string& mine) {
   const std::string before = fmt::format(".{}.", target.filename().string());
   std::error_code error;
-  for (fs::directory_iterator entry(target.parent_path(), error), end; !error && entry != end;
-       entry.increment(error)) {
+  for (fs::directory_iterator entry(target.parent_path(), error), end; !error && entry != end; entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     if (name != mine && name.size() == mine.size() && name.starts_with(before) && name.ends_with(kEnd)) {
       std::error_code ignored;
@@ -110,12 +109,11 @@ std::optional<std::uint64_t> number(const std::string& text) {
 
 /// One connection's worth of content appended to `part`. Errors: kUnavailable when less than all came: try
 /// again.
-Result<void> fetch_rest(ServiceClient& client, const std::string& address, const std::string& etag,
-                        std::uint64_t bytes, PartialFile& part) {
+Result<void> fetch_rest(ServiceClient& client, const std::string& address, const std::string& etag, std::uint64_t bytes,
+                        PartialFile& part) {
   Result<void> stored;
   ServiceCall call{.path = address};
-  if (part.bytes() > 0)
-    call.headers = {{"Range", fmt::format("bytes={}-", part.bytes())}, {"If-Range", etag}};
+  if (part.bytes() > 0) call.headers = {{"Range", fmt::format("bytes={}-", part.bytes())}, {"If-Range", etag}};
   call.begin = [&](const ServiceReply& head) {
     if (header(head, "etag") != etag) {
       stored = fail(ErrorKind::kUnavailable, client.url() + ": the file was replaced meanwhile");
@@ -139,14 +137,12 @@ Result<void> fetch_rest(ServiceClient& client, const std::string& address, const
   if (!reply) return tl::unexpected(reply.error());
   if (auto checked = client.check(*reply); !checked) return checked;
   if (part.bytes() != bytes) {
-    return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: sent {} of {} bytes", client.url(), part.bytes(), bytes));
+    return fail(ErrorKind::kUnavailable, fmt::format("{}: sent {} of {} bytes", client.url(), part.bytes(), bytes));
   }
   return {};
 }
 
-Result<void> download_file(ServiceClient& client, const std::string& id, const char* artifact,
-                           const fs::path& target) {
+Result<void> download_file(ServiceClient& client, const std::string& id, const char* artifact, const fs::path& target) {
   const std::string address = fmt::format("/v1/jobs/{}/{}", id, artifact);
   while (true) {
     const auto head = client.call({.method = "HEAD", .path = address});
@@ -161,8 +157,7 @@ Result<void> download_file(ServiceClient& client, const std::string& id, const c
     const std::string etag = header(*head, "etag");
     const auto bytes = number(header(*head, "content-length"));
     if (etag.empty() || !bytes) {
-      return fail(ErrorKind::kUnavailable,
-                  client.url() + ": names neither size nor ETag; is it a photonfarm service?");
+      return fail(ErrorKind::kUnavailable, client.url() + ": names neither size nor ETag; is it a photonfarm service?");
     }
     const std::string name = part_name(target, id, etag);
     remove_other_parts(target, name);
@@ -190,14 +185,12 @@ bool is_file_name(std::string_view name) {
 Result<DownloadedFiles> download_job(ServiceClient& client, const json& job, const fs::path& folder) {
   const std::string id = job_text(job, "id"), name = job_text(job, "name");
   if (!is_file_name(name)) {
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: the job's name '{}' cannot name a file", client.url(), name));
+    return fail(ErrorKind::kInternal, fmt::format("{}: the job's name '{}' cannot name a file", client.url(), name));
   }
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: cannot make this folder: {}", folder.string(), error.message()));
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot make this folder: {}", folder.string(), error.message()));
   const DownloadedFiles files{folder / (name + ".exr"), folder / (name + ".png"), folder / (name + ".json")};
   const std::pair<const char*, fs::path> wanted[] = {
       {"image.exr", files.exr}, {"image.png", files.png}, {"figures.json", files.json}};

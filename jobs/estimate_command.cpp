@@ -38,13 +38,13 @@ Result<json> ask_renderer(const Context& context, const Arguments& arguments) {
   json document = json::parse(run->output, nullptr, false);
   if (run->end.exit_code == 0 && document.is_object()) return document;
   return fail(run->end.exit_code == 3 ? ErrorKind::kInvalidInput : ErrorKind::kInternal,
-              fmt::format("the renderer ended with exit code {}; 'photonfarm render {}' says why",
-                          run->end.exit_code, arguments[1]));
+              fmt::format("the renderer ended with exit code {}; 'photonfarm render {}' says why", run->end.exit_code,
+                          arguments[1]));
 }
 
 /// Renders 1, 2, 4 ... passes, each going on from the one before, until the time is used up.
 Result<PilotRender> run_pilot(const Context& context, const EstimateOptions& options, const JobSpec& spec,
-                        const fs::path& scratch) {
+                              const fs::path& scratch) {
   PilotRender pilot;
   const SystemClock clock;
   const double end = clock.now() + options.seconds;
@@ -52,24 +52,21 @@ Result<PilotRender> run_pilot(const Context& context, const EstimateOptions& opt
   double used = 0;
   for (std::int64_t passes = 2; pilot.points.size() < 16; passes *= 2) {
     Arguments arguments = {"render", options.job, "--out", scratch.string(), "--threads", threads, "--json"};
-    for (const std::string& override : options.overrides)
-      arguments.insert(arguments.end(), {"--set", override});
+    for (const std::string& override : options.overrides) arguments.insert(arguments.end(), {"--set", override});
     // Time and error must not end the pilot. Its error is noise alone: what is known of the bias after a few
     // passes is less than its own noise.
-    arguments.insert(arguments.end(), {"--set", fmt::format("stop.passes={}", passes), "--set",
-                                       "stop.seconds=0", "--set", "stop.error=0"});
+    arguments.insert(arguments.end(), {"--set", fmt::format("stop.passes={}", passes), "--set", "stop.seconds=0",
+                                       "--set", "stop.error=0"});
     arguments.insert(arguments.end(), {"--set", "integrator.error_estimate=false"});
     if (!pilot.points.empty()) arguments.emplace_back("--resume");
     const auto figures = ask_renderer(context, arguments);
     if (!figures) return tl::unexpected(figures.error());
     const json& seconds = figures->at("seconds");
-    pilot.points.push_back({job_number(*figures, "passes"), job_number(seconds, "render"),
-                            job_number(*figures, "estimated_error")});
+    pilot.points.push_back(
+        {job_number(*figures, "passes"), job_number(seconds, "render"), job_number(*figures, "estimated_error")});
     if (pilot.points.size() == 1)
-      pilot.setup_seconds =
-          job_number(seconds, "load") + job_number(seconds, "prepare") + job_number(seconds, "write");
-    pilot.peak_bytes =
-        std::max(pilot.peak_bytes, static_cast<std::uint64_t>(job_number(*figures, "peak_bytes")));
+      pilot.setup_seconds = job_number(seconds, "load") + job_number(seconds, "prepare") + job_number(seconds, "write");
+    pilot.peak_bytes = std::max(pilot.peak_bytes, static_cast<std::uint64_t>(job_number(*figures, "peak_bytes")));
     used = job_number(seconds, "render") + pilot.setup_seconds;
     // The next part costs about twice as much as this one.
     const bool enough = pilot.points.size() >= 3 && clock.now() + 2 * used > end;
@@ -100,10 +97,8 @@ std::string text_of(const json& prediction, std::string_view where, double error
   std::string text = fmt::format("{:.0f} passes:\n", job_number(prediction, "passes"));
   text += row(fmt::format("time {}", where), "seconds", [](double s) { return clock_time(s); });
   text += row("memory of a renderer", "memory_bytes", bytes);
-  text +=
-      row(fmt::format("network, {:.0f} worker{}", workers, workers == 1 ? "" : "s"), "network_bytes", bytes);
-  text +=
-      row("estimated error", "estimated_error", [](double value) { return fmt::format("{:.3g}", value); });
+  text += row(fmt::format("network, {:.0f} worker{}", workers, workers == 1 ? "" : "s"), "network_bytes", bytes);
+  text += row("estimated error", "estimated_error", [](double value) { return fmt::format("{:.3g}", value); });
   text += row(fmt::format("passes to error {:.3g}", error), "passes_to_error",
               [](double value) { return fmt::format("{:.0f}", value); });
   return text;
@@ -113,8 +108,7 @@ std::string text_of(const json& prediction, std::string_view where, double error
 int estimate_on_farm(ClientCommand& command, const EstimateOptions& options, const JobSpec& spec) {
   const auto files = hash_files(spec);
   if (!files) return command.report(files.error());
-  auto job =
-      submit_job(command.client(), spec, *files, fmt::format("/v1/estimates?seconds={}", options.seconds));
+  auto job = submit_job(command.client(), spec, *files, fmt::format("/v1/estimates?seconds={}", options.seconds));
   if (!job) return command.report(job.error());
   const std::string id = job_text(*job, "id");
   if (const int code = command.watch(*job); code != 0) return code;
@@ -124,13 +118,11 @@ int estimate_on_farm(ClientCommand& command, const EstimateOptions& options, con
   path.pop_back();
   const auto estimate = command.client().ask({.path = path}, true);
   if (!estimate) return command.report(estimate.error());
-  command.note(
-      fmt::format("the pilot is the job, stopped early; 'photonfarm extend {} --seconds {}' has it go on", id,
-                  spec.stop.seconds));
+  command.note(fmt::format("the pilot is the job, stopped early; 'photonfarm extend {} --seconds {}' has it go on", id,
+                           spec.stop.seconds));
   if (command.json()) return command.print(*estimate);
   const double workers = job_number(*estimate, "workers");
-  command.context().out << text_of(*estimate,
-                                   fmt::format("on {:.0f} worker{}", workers, workers == 1 ? "" : "s"),
+  command.context().out << text_of(*estimate, fmt::format("on {:.0f} worker{}", workers, workers == 1 ? "" : "s"),
                                    options.error > 0 ? options.error : spec.stop.error);
   return 0;
 }
@@ -148,10 +140,8 @@ int estimate_here(ClientCommand& command, const EstimateOptions& options, const 
                             .workers = options.workers,
                             .round_growth = spec.integrator.round_growth,
                             .barrier = spec.integrator.mode == ProgressiveMode::kShared};
-  const bool error_known =
-      std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
-  if (request.passes <= 0 && !(error > 0 && error_known))
-    request.passes = static_cast<double>(spec.stop.passes);
+  const bool error_known = std::ranges::any_of(pilot->points, [](const PilotPoint& point) { return point.error > 0; });
+  if (request.passes <= 0 && !(error > 0 && error_known)) request.passes = static_cast<double>(spec.stop.passes);
   if (request.passes <= 0 && !(error > 0 && error_known))
     return command.report(
         {ErrorKind::kUsage, "neither passes nor a known error bound this job; expected --passes or --error"});

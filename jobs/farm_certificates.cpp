@@ -48,7 +48,8 @@ std::string alternative_name(const std::string& host) {
     return host.find(':') == std::string::npos ? fmt::format("IP:{0},DNS:{0}", host) : "IP:" + host;
   }
   const bool name = !host.empty() && host.size() <= 253 && std::all_of(host.begin(), host.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '*';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.' ||
+           c == '*';
   });
   return name ? "DNS:" + host : "";
 }
@@ -67,12 +68,13 @@ Certificate begin_certificate(EVP_PKEY* key, const char* name, X509_NAME* issuer
   if (!certificate || !serial || BN_rand(serial.get(), 127, BN_RAND_TOP_ANY, BN_RAND_BOTTOM_ANY) != 1) return nullptr;
   X509* const x = certificate.get();
   X509_NAME* const subject = X509_get_subject_name(x);
-  const bool made =
-      X509_set_version(x, X509_VERSION_3) == 1 && BN_to_ASN1_INTEGER(serial.get(), X509_get_serialNumber(x)) != nullptr &&
-      X509_gmtime_adj(X509_getm_notBefore(x), -kAnHour) != nullptr &&
-      X509_gmtime_adj(X509_getm_notAfter(x), kTenYears) != nullptr &&
-      X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_ASC, reinterpret_cast<const unsigned char*>(name), -1, -1, 0) == 1 &&
-      X509_set_issuer_name(x, issuer == nullptr ? subject : issuer) == 1 && X509_set_pubkey(x, key) == 1;
+  const bool made = X509_set_version(x, X509_VERSION_3) == 1 &&
+                    BN_to_ASN1_INTEGER(serial.get(), X509_get_serialNumber(x)) != nullptr &&
+                    X509_gmtime_adj(X509_getm_notBefore(x), -kAnHour) != nullptr &&
+                    X509_gmtime_adj(X509_getm_notAfter(x), kTenYears) != nullptr &&
+                    X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_ASC,
+                                               reinterpret_cast<const unsigned char*>(name), -1, -1, 0) == 1 &&
+                    X509_set_issuer_name(x, issuer == nullptr ? subject : issuer) == 1 && X509_set_pubkey(x, key) == 1;
   return made ? std::move(certificate) : nullptr;
 }
 

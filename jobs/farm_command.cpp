@@ -7,14 +7,14 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <optional>
 #include <ostream>
 #include <string>
+#include <system_error>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "common/base/atomic_file.h"
 #include "common/wire/nats/subjects.h"
@@ -35,7 +35,7 @@ constexpr int kEngineStage = 2;
 constexpr double kWorkerSeconds = 60;
 constexpr double kCoordinatorSeconds = 120;  // it writes its last checkpoints
 constexpr double kEngineSeconds = 10;
-constexpr int kSpareUsers = 8;              // for workers started by hand beside the farm's own
+constexpr int kSpareUsers = 8;  // for workers started by hand beside the farm's own
 constexpr std::uintmax_t kMaxLogBytes = std::uintmax_t{64} << 20;
 
 struct FarmOptions {
@@ -72,17 +72,20 @@ class StateLock {
     StateLock lock;
     lock.fd_ = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (lock.fd_ < 0)
-      return fail(ErrorKind::kInternal, fmt::format("{}: cannot be written: {}", file.string(), std::strerror(errno)));
+      return fail(ErrorKind::kInternal,
+                  fmt::format("{}: cannot be written: {}", file.string(), std::generic_category().message(errno)));
     if (flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
       std::string pid(32, '\0');
       pid.resize(static_cast<std::size_t>(std::max<ssize_t>(0, pread(lock.fd_, pid.data(), pid.size(), 0))));
       pid.erase(pid.find_last_not_of('\n') + 1);
-      return fail(ErrorKind::kUsage, fmt::format("{}: a farm runs here already, process {}; stop it or choose another --state",
-                                                 state.string(), pid.empty() ? "?" : pid));
+      return fail(ErrorKind::kUsage,
+                  fmt::format("{}: a farm runs here already, process {}; stop it or choose another --state",
+                              state.string(), pid.empty() ? "?" : pid));
     }
     const std::string pid = fmt::format("{}\n", getpid());
     if (ftruncate(lock.fd_, 0) != 0 || pwrite(lock.fd_, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size()))
-      return fail(ErrorKind::kInternal, fmt::format("{}: cannot be written: {}", file.string(), std::strerror(errno)));
+      return fail(ErrorKind::kInternal,
+                  fmt::format("{}: cannot be written: {}", file.string(), std::generic_category().message(errno)));
     return lock;
   }
 
@@ -120,8 +123,8 @@ class FarmPlan {
       if (Result<void> made = prepare_engine(); !made) return tl::unexpected(made.error());
       services.push_back({"nats-server", [this] { return server_->launch(); }, kEngineStage, kEngineSeconds, true});
     }
-    services.push_back(
-        service("coordinator", "photonfarm-coordinator", coordinator_arguments(), kCoordinatorStage, kCoordinatorSeconds));
+    services.push_back(service("coordinator", "photonfarm-coordinator", coordinator_arguments(), kCoordinatorStage,
+                               kCoordinatorSeconds));
     services.back().needed = true;
     for (int number = 1; number <= options_.workers; ++number) {
       const std::string name = worker_name(number);
@@ -138,8 +141,9 @@ class FarmPlan {
   Result<void> prepare_engine() {
     const fs::path program = find_program("nats-server", context_.search_path + ":/usr/sbin:/usr/local/bin");
     if (program.empty()) {
-      return fail(ErrorKind::kUnavailable,
-                  "nats-server was not found in PATH; install it (Debian package nats-server) or name an engine with --engine");
+      return fail(
+          ErrorKind::kUnavailable,
+          "nats-server was not found in PATH; install it (Debian package nats-server) or name an engine with --engine");
     }
     NatsServerOptions options;
     options.program = program;
@@ -240,26 +244,33 @@ int run_farm_command(const Context& context, const Arguments& arguments) {
   FarmOptions options;
   options.state = context.state;
   options.workers = processors();
-  CLI::App app("Runs a farm on this machine: coordinator, workers, and a private nats-server unless --engine names one.\n"
-               "Starts again what dies. Ctrl-C or SIGTERM stops it: workers finish or give back what they hold; a second "
-               "one kills.\nphotonfarm farm init makes certificates, users and settings for a farm of several machines.",
-               "photonfarm farm");
+  CLI::App app(
+      "Runs a farm on this machine: coordinator, workers, and a private nats-server unless --engine names one.\n"
+      "Starts again what dies. Ctrl-C or SIGTERM stops it: workers finish or give back what they hold; a second "
+      "one kills.\nphotonfarm farm init makes certificates, users and settings for a farm of several machines.",
+      "photonfarm farm");
   app.add_option("--workers", options.workers, "number of workers")->capture_default_str()->check(CLI::Range(0, 4096));
-  app.add_option("--threads", options.threads, "threads of each; 0: all")->capture_default_str()->check(CLI::Range(0, 1024));
+  app.add_option("--threads", options.threads, "threads of each; 0: all")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
   app.add_option("--state", options.state, "folder for jobs, images, logs, url and token")->capture_default_str();
   app.add_option("--engine", options.engine, "an engine that runs already: nats://HOST:PORT or tls://HOST:PORT");
   app.add_option("--credentials", options.credentials,
                  "folder that farm init made (its coordinator.toml, worker-1.toml ...), or one file for all processes")
       ->check(CLI::ExistingPath);
-  app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")->check(CLI::Range(0, 65535));
-  app.add_option("--host", options.host, "address that the HTTP API listens on; by default this machine alone; others need TLS");
-  app.add_option("--config", options.config, "settings of the service: TLS, limits, notifications; by default config.toml of the state folder")
+  app.add_option("--port", options.port, "port of the HTTP API; 0: the former one, else any")
+      ->check(CLI::Range(0, 65535));
+  app.add_option("--host", options.host,
+                 "address that the HTTP API listens on; by default this machine alone; others need TLS");
+  app.add_option("--config", options.config,
+                 "settings of the service: TLS, limits, notifications; by default config.toml of the state folder")
       ->check(CLI::ExistingFile);
   app.add_option("--ack-wait", options.ack_wait, "seconds after which a silent worker's units go to others")
       ->check(CLI::Range(0.5, 3600.0));
-  app.footer("Exit codes: 0 stopped; 2 usage, or a farm runs in this folder; 4 engine not to be had; 5 failed.\n\n"
-             "Examples:\n  photonfarm farm --workers 4\n"
-             "  photonfarm farm --workers 2 --state /var/lib/photonfarm --credentials /etc/photonfarm");
+  app.footer(
+      "Exit codes: 0 stopped; 2 usage, or a farm runs in this folder; 4 engine not to be had; 5 failed.\n\n"
+      "Examples:\n  photonfarm farm --workers 4\n"
+      "  photonfarm farm --workers 2 --state /var/lib/photonfarm --credentials /etc/photonfarm");
   if (const std::optional<int> code = parse_arguments(app, context, arguments)) return *code;
   if (options.state.empty())
     return report(context, {ErrorKind::kUsage, "no home folder to keep state in; expected --state DIR"});

@@ -18,8 +18,8 @@ namespace {
 Result<std::string> random_password() {
   std::array<unsigned char, 16> bytes{};
   if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
-    return fail(ErrorKind::kInternal, fmt::format("no random numbers for passwords: {}",
-                                                  std::generic_category().message(errno)));
+    return fail(ErrorKind::kInternal,
+                fmt::format("no random numbers for passwords: {}", std::generic_category().message(errno)));
   }
   std::string text;
   for (const unsigned char byte : bytes) text += fmt::format("{:02x}", byte);
@@ -38,6 +38,7 @@ std::string in_quotes(std::string_view text) {
 
 std::string list(const std::vector<std::string>& subjects) {
   std::vector<std::string> all;
+  all.reserve(subjects.size());
   for (const std::string& subject : subjects) all.push_back(in_quotes(subject));
   return fmt::format("[{}]", fmt::join(all, ", "));
 }
@@ -78,16 +79,16 @@ Result<std::vector<EngineUser>> make_users(int workers) {
 }
 
 std::string nats_config_text(const NatsConfig& config) {
-  std::string text = "# nats-server of a photonfarm; made by photonfarm farm. Holds passwords: keep its mode at 0600.\n";
+  std::string text =
+      "# nats-server of a photonfarm; made by photonfarm farm. Holds passwords: keep its mode at 0600.\n";
   text += fmt::format("listen: {}\n", in_quotes(fmt::format("{}:{}", config.host, config.port)));
   text += "server_name: photonfarm\n";
   text += fmt::format("max_payload: {}\n", kMaxMessageBytes);
   // What the server holds for a client that reads slowly, before it cuts it off.
   text += "max_pending: 268435456\nwrite_deadline: \"20s\"\n";
   if (!config.pid_file.empty()) text += fmt::format("pid_file: {}\n", in_quotes(config.pid_file));
-  text += fmt::format(
-      "jetstream {{\n  store_dir: {}\n  max_memory_store: 67108864\n  max_file_store: 1073741824\n}}\n",
-      in_quotes(config.jetstream));
+  text += fmt::format("jetstream {{\n  store_dir: {}\n  max_memory_store: 67108864\n  max_file_store: 1073741824\n}}\n",
+                      in_quotes(config.jetstream));
   if (!config.certificate.empty()) {
     // A busy machine may need seconds for a handshake.
     text += fmt::format("tls {{\n  cert_file: {}\n  key_file: {}\n  timeout: 10\n}}\n", in_quotes(config.certificate),

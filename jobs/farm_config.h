@@ -32,16 +32,16 @@ struct NatsConfig {
   std::vector<EngineUser> users;
 };
 
-/// The server's configuration file. Every user has the least that it needs: a worker may publish to the coordinator under its own
-/// name, ask for tasks and acknowledge them, and read what is meant for it. Passwords stand in it as they are (the server
-/// reads nothing better than bcrypt, which Debian has no library for): the file is for its owner alone.
+/// The server's configuration file. Every user has the least that it needs: a worker may publish to the coordinator
+/// under its own name, ask for tasks and acknowledge them, and read what is meant for it. Passwords stand in it as they
+/// are (the server reads nothing better than bcrypt, which Debian has no library for): the file is for its owner alone.
 [[nodiscard]] std::string nats_config_text(const NatsConfig& config);
 
 /// A credentials file (common/wire/nats/engine.h); `ca` may be empty.
 [[nodiscard]] std::string credentials_text(const std::string& url, const EngineUser& user, const std::string& ca);
 
-/// The coordinator's configuration (coordinator/config.h) beside the certificates that farm init makes: its HTTP API is reached
-/// from other machines, with TLS.
+/// The coordinator's configuration (coordinator/config.h) beside the certificates that farm init makes: its HTTP API is
+/// reached from other machines, with TLS.
 [[nodiscard]] std::string service_config_text();
 
 /// `FOLDER/NAME.toml`

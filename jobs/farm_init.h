@@ -16,8 +16,9 @@ struct FarmInitOptions {
   int port = 4222;
 };
 
-/// What a farm of several machines needs: a private certificate authority, a server certificate, a nats-server.conf with TLS and
-/// one user for each process, and each process's credentials. Errors: kUsage, kInternal; an existing file is never touched.
+/// What a farm of several machines needs: a private certificate authority, a server certificate, a nats-server.conf
+/// with TLS and one user for each process, and each process's credentials. Errors: kUsage, kInternal; an existing file
+/// is never touched.
 [[nodiscard]] Result<void> make_farm_folder(const FarmInitOptions& options);
 
 /// `photonfarm farm init`

@@ -25,8 +25,8 @@ using namespace std::chrono_literals;
 using std::chrono::steady_clock;
 
 constexpr auto kFirstWait = 250ms;
-constexpr int kDoublings = 7;       // 250 ms * 2^7: 32 s
-constexpr auto kProven = 60s;       // what ran so long did not fail at its start
+constexpr int kDoublings = 7;  // 250 ms * 2^7: 32 s
+constexpr auto kProven = 60s;  // what ran so long did not fail at its start
 
 /// Exit codes after which another try cannot help: usage, job file or another build; scene or image.
 bool is_final(const ProcessEnd& end) { return end.signal == 0 && (end.exit_code == 2 || end.exit_code == 3); }
@@ -180,7 +180,8 @@ void Supervisor::stop_all() {
 void Supervisor::stop_stage(int stage) {
   const auto now = steady_clock::now();
   const auto killed_at = [now](const Service& service) {
-    return now + std::chrono::duration_cast<steady_clock::duration>(std::chrono::duration<double>(service.stop_seconds));
+    return now +
+           std::chrono::duration_cast<steady_clock::duration>(std::chrono::duration<double>(service.stop_seconds));
   };
   std::vector<Running*> left;
   for (Running& running : all_) {

@@ -22,10 +22,10 @@ struct Service {
   bool needed = false;         ///< the farm cannot go on when it is given up
 };
 
-/// Starts services in their order, starts again what ends (after a quarter of a second, then twice as long up to 30 s while it
-/// keeps failing), and stops them all when asked to. A service whose exit code says that trying again is no use (2: usage
-/// or another build, 3: input) is given up; when that is a needed one, or nothing else is left of its stage, so is the farm.
-/// Single-threaded; the kernel kills the services when it dies, however that comes about.
+/// Starts services in their order, starts again what ends (after a quarter of a second, then twice as long up to 30 s
+/// while it keeps failing), and stops them all when asked to. A service whose exit code says that trying again is no
+/// use (2: usage or another build, 3: input) is given up; when that is a needed one, or nothing else is left of its
+/// stage, so is the farm. Single-threaded; the kernel kills the services when it dies, however that comes about.
 class Supervisor {
  public:
   struct Options {
@@ -39,8 +39,8 @@ class Supervisor {
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
 
-  /// Until SIGINT, SIGTERM or SIGHUP; a second one kills what has not stopped. Errors: of a service that cannot be started, or that
-  /// was given up with all that depends on it.
+  /// Until SIGINT, SIGTERM or SIGHUP; a second one kills what has not stopped. Errors: of a service that cannot be
+  /// started, or that was given up with all that depends on it.
   [[nodiscard]] Result<void> run();
 
  private:

@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include <signal.h>
+#include <csignal>
 
 namespace pf {
 

@@ -14,8 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-/// Draws a table of all jobs again and again, or writes it whenever it changed, until the user stops it; elsewhere than on a
-/// terminal until all jobs have ended.
+/// Draws a table of all jobs again and again, or writes it whenever it changed, until the user stops it; elsewhere than
+/// on a terminal until all jobs have ended.
 int watch_all(ClientCommand& command, double interval) {
   const Context& context = command.context();
   std::string shown;
@@ -43,8 +43,8 @@ int run_list_command(const Context& context, const Arguments& arguments) {
   ClientCommand command(context, "list", "Lists the farm's jobs.");
   command.app()
       .add_option("--state", state, "only jobs in this state")
-      ->check(CLI::IsMember({"queued", "preparing", "running", "paused", "waiting", "finishing", "done", "failed",
-                             "cancelled"}));
+      ->check(CLI::IsMember(
+          {"queued", "preparing", "running", "paused", "waiting", "finishing", "done", "failed", "cancelled"}));
   command.app().add_option("--name", name, "only jobs of this name");
   command.app().add_flag("--active", active, "only jobs that have not ended");
   command.app().add_option("--last", last, "only so many, those submitted last")->check(CLI::Range(1, 1000000));
@@ -78,9 +78,13 @@ int run_show_command(const Context& context, const Arguments& arguments) {
 int run_watch_command(const Context& context, const Arguments& arguments) {
   std::string what;
   double interval = 1;
-  ClientCommand command(context, "watch", "Shows a job's progress until it has ended; without a job, a table of all of them.");
+  ClientCommand command(context, "watch",
+                        "Shows a job's progress until it has ended; without a job, a table of all of them.");
   command.app().add_option("JOB", what, kJobHelp);
-  command.app().add_option("--interval", interval, "seconds between two tables")->check(CLI::Range(0.1, 3600.0))->capture_default_str();
+  command.app()
+      .add_option("--interval", interval, "seconds between two tables")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
   command.examples("  photonfarm watch glass-caustic\n  photonfarm watch --interval 5");
   if (const auto code = command.parse(arguments)) return *code;
   if (what.empty()) return watch_all(command, interval);
@@ -102,10 +106,8 @@ int run_cancel_command(const Context& context, const Arguments& arguments) {
   const auto found = find_job(command.client(), what, false);
   if (!found) return command.report(found.error());
   const std::string id = job_text(*found, "id");
-  const auto job = command.client().ask({.method = "POST",
-                                         .path = "/v1/jobs/" + id + "/cancel",
-                                         .body = discard ? R"({"discard": true})" : ""},
-                                        false);
+  const auto job = command.client().ask(
+      {.method = "POST", .path = "/v1/jobs/" + id + "/cancel", .body = discard ? R"({"discard": true})" : ""}, false);
   if (!job) return command.report(job.error());
   if (command.json()) return command.print(*job);
   const bool had_ended = job_has_ended(*found);
@@ -118,9 +120,7 @@ int run_download_command(const Context& context, const Arguments& arguments) {
   ClientCommand command(context, "download",
                         "Fetches a job's images and figures; goes on where an earlier try broke off.");
   command.app().add_option("JOB", what, kJobHelp)->required();
-  command.app()
-      .add_option("--out", folder, "folder for <job name>.exr, .png and .json")
-      ->capture_default_str();
+  command.app().add_option("--out", folder, "folder for <job name>.exr, .png and .json")->capture_default_str();
   command.examples("  photonfarm download glass-caustic --out out");
   if (const auto code = command.parse(arguments)) return *code;
   const auto job = find_job(command.client(), what, true);
@@ -132,10 +132,8 @@ int run_download_command(const Context& context, const Arguments& arguments) {
   }
   if (!files) return command.report(files.error());
   if (command.json()) {
-    return command.print({{"job", *job},
-                          {"exr", files->exr.string()},
-                          {"png", files->png.string()},
-                          {"json", files->json.string()}});
+    return command.print(
+        {{"job", *job}, {"exr", files->exr.string()}, {"png", files->png.string()}, {"json", files->json.string()}});
   }
   context.out << fmt::format("{}\n{}\n{}\n", files->exr.string(), files->png.string(), files->json.string());
   return 0;

@@ -95,7 +95,8 @@ bool is_path_segment(std::string_view text) {
 
 bool is_worker_name(std::string_view text) {
   return !text.empty() && text.size() <= 64 &&
-         text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-") == std::string_view::npos;
+         text.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-") ==
+             std::string_view::npos;
 }
 
 std::string job_line(const json& job, StatusLine::Style style) {
@@ -103,11 +104,9 @@ std::string job_line(const json& job, StatusLine::Style style) {
   std::string text = style == StatusLine::Style::kBar ? progress_bar(fraction) : std::string();
   text += fmt::format("{:3.0f} %  {} passes", std::floor(100.0 * fraction), passes_text(job));
   const std::string state = job_text(job, "state"), message = job_text(job, "message");
-  if (job_has_ended(job))
-    return fmt::format("{}  {} in {}", text, state, clock_time(job_number(job, "seconds")));
+  if (job_has_ended(job)) return fmt::format("{}  {} in {}", text, state, clock_time(job_number(job, "seconds")));
   if (state != "running") return fmt::format("{}  {}{}{}", text, state, message.empty() ? "" : ": ", message);
-  if (const double left = job_number(job, "seconds_left"); left > 0)
-    text += fmt::format("  {} left", clock_time(left));
+  if (const double left = job_number(job, "seconds_left"); left > 0) text += fmt::format("  {} left", clock_time(left));
   if (job_number(job, "estimated_error") > 0) text += "  error " + error_text(job);
   text += fmt::format("  {}rays/s", short_number(job_number(job, "rays_per_second")));
   const double workers = job_number(job, "workers");
@@ -120,9 +119,8 @@ std::string jobs_table(const json& jobs) {
   for (const json& job : jobs) {
     const double left = job_number(job, "seconds_left");
     rows.push_back({job_text(job, "id"), job_text(job, "name"), job_text(job, "state"),
-                    fmt::format("{:.0f} %", std::floor(100.0 * fraction_done(job))), passes_text(job),
-                    error_text(job), fmt::format("{:.0f}", job_number(job, "workers")),
-                    clock_time(job_number(job, "seconds")),
+                    fmt::format("{:.0f} %", std::floor(100.0 * fraction_done(job))), passes_text(job), error_text(job),
+                    fmt::format("{:.0f}", job_number(job, "workers")), clock_time(job_number(job, "seconds")),
                     left > 0 && !job_has_ended(job) ? clock_time(left) : "-"});
   }
   return table(rows);
@@ -130,16 +128,14 @@ std::string jobs_table(const json& jobs) {
 
 std::string workers_table(const json& workers) {
   if (workers.empty()) return "no workers\n";
-  std::vector<Row> rows = {
-      {"NAME", "HOST", "PROCESS", "STATE", "JOB", "UNITS", "SUB-PASSES", "HEARD", "MESSAGE"}};
+  std::vector<Row> rows = {{"NAME", "HOST", "PROCESS", "STATE", "JOB", "UNITS", "SUB-PASSES", "HEARD", "MESSAGE"}};
   for (const json& worker : workers) {
     const std::string job = job_text(worker, "job_id");
-    rows.push_back({job_text(worker, "name"), job_text(worker, "host"),
-                    fmt::format("{:.0f}", job_number(worker, "process")), job_text(worker, "state"),
-                    job.empty() ? "-" : job, fmt::format("{:.0f}", job_number(worker, "units_held")),
-                    fmt::format("{:.0f}", job_number(worker, "sub_passes")),
-                    fmt::format("{:.1f} s ago", job_number(worker, "seconds_since_heard")),
-                    job_text(worker, "message")});
+    rows.push_back(
+        {job_text(worker, "name"), job_text(worker, "host"), fmt::format("{:.0f}", job_number(worker, "process")),
+         job_text(worker, "state"), job.empty() ? "-" : job, fmt::format("{:.0f}", job_number(worker, "units_held")),
+         fmt::format("{:.0f}", job_number(worker, "sub_passes")),
+         fmt::format("{:.1f} s ago", job_number(worker, "seconds_since_heard")), job_text(worker, "message")});
   }
   return table(rows);
 }

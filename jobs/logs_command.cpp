@@ -40,8 +40,7 @@ class LogPrinter {
     if (!entry.is_object()) return;  // the empty lines between
     last_ = static_cast<std::uint64_t>(job_number(entry, "number"));
     if (json_) {
-      out_ << (first_ ? "{\"entries\": [\n" : ",\n")
-           << entry.dump(-1, ' ', false, json::error_handler_t::replace);
+      out_ << (first_ ? "{\"entries\": [\n" : ",\n") << entry.dump(-1, ' ', false, json::error_handler_t::replace);
     } else {
       out_ << log_line(entry);
     }
@@ -57,8 +56,7 @@ class LogPrinter {
 Result<void> print_logs(ServiceClient& client, const std::string& id, bool follow, LogPrinter& printer) {
   while (true) {
     printer.restart();
-    ServiceCall call{
-        .path = fmt::format("/v1/jobs/{}/logs?after={}&follow={}", id, printer.last(), follow ? 1 : 0)};
+    ServiceCall call{.path = fmt::format("/v1/jobs/{}/logs?after={}&follow={}", id, printer.last(), follow ? 1 : 0)};
     call.take = [&](std::string_view piece) {
       printer.read(piece);
       return true;
@@ -77,9 +75,7 @@ int run_logs_command(const Context& context, const Arguments& arguments) {
   std::string what;
   bool follow = false;
   ClientCommand command(context, "logs", "Prints what coordinator and workers logged about a job.");
-  command.app()
-      .add_option("JOB", what, kJobHelp)
-      ->required();
+  command.app().add_option("JOB", what, kJobHelp)->required();
   command.app().add_flag("--follow", follow, "go on until the job has ended");
   command.examples("  photonfarm logs glass-caustic\n  photonfarm logs glass-caustic --follow");
   if (const auto code = command.parse(arguments)) return *code;

@@ -14,7 +14,7 @@
 namespace {
 
 std::string environment(const char* name) {
-  const char* value = std::getenv(name);
+  const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): no thread has been started yet
   return value == nullptr ? std::string() : std::string(value);
 }
 

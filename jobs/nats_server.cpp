@@ -23,8 +23,8 @@ namespace {
 using namespace std::chrono_literals;
 using std::chrono::steady_clock;
 
-// Below the kernel's range for outgoing connections: a client that keeps trying to reach a stopped server on a port of that
-// range can end up connected to itself, and then holds the port.
+// Below the kernel's range for outgoing connections: a client that keeps trying to reach a stopped server on a port of
+// that range can end up connected to itself, and then holds the port.
 constexpr int kFirstPort = 20000;
 constexpr int kPorts = 12000;
 

@@ -15,14 +15,14 @@ struct NatsServerOptions {
   std::filesystem::path program;  ///< nats-server
   std::filesystem::path folder;   ///< of configuration, credentials and the work queue; made if absent
   std::filesystem::path log;
-  int workers = 1;                ///< worker-1 ... get users
-  std::string certificate;        ///< PEM, with key and CA: TLS
+  int workers = 1;          ///< worker-1 ... get users
+  std::string certificate;  ///< PEM, with key and CA: TLS
   std::string key;
   std::string ca;
 };
 
-/// A private nats-server with JetStream on loopback. Its port and passwords are new with every prepare() and stay when it is
-/// started again; the work queue in FOLDER/jetstream stays always. In FOLDER, mode 0600: nats-server.conf, and
+/// A private nats-server with JetStream on loopback. Its port and passwords are new with every prepare() and stay when
+/// it is started again; the work queue in FOLDER/jetstream stays always. In FOLDER, mode 0600: nats-server.conf, and
 /// credentials coordinator.toml, worker-1.toml, ...
 class NatsServer {
  public:

@@ -77,8 +77,7 @@ class BlockedSignals {
 
 }  // namespace
 
-Result<ProcessEnd> run_to_end(const std::filesystem::path& program,
-                              const std::vector<std::string>& arguments) {
+Result<ProcessEnd> run_to_end(const std::filesystem::path& program, const std::vector<std::string>& arguments) {
   std::string name = program.string();
   std::vector<std::string> copies = arguments;
   std::vector<char*> argv = make_argv(name, copies);
@@ -108,8 +107,8 @@ Result<ProcessEnd> run_to_end(const std::filesystem::path& program,
   return end_of(status);
 }
 
-Result<CapturedProcess> run_and_capture(const std::filesystem::path& program,
-                                        const std::vector<std::string>& arguments, double seconds) {
+Result<CapturedProcess> run_and_capture(const std::filesystem::path& program, const std::vector<std::string>& arguments,
+                                        double seconds) {
   std::string name = program.string();
   std::vector<std::string> copies = arguments;
   std::vector<char*> argv = make_argv(name, copies);
@@ -160,8 +159,7 @@ std::filesystem::path find_program(const std::string& name, const std::string& s
   while (std::getline(folders, folder, ':')) {
     std::filesystem::path candidate = std::filesystem::path(folder.empty() ? "." : folder) / name;
     std::error_code ignored;
-    if (std::filesystem::is_regular_file(candidate, ignored) && access(candidate.c_str(), X_OK) == 0)
-      return candidate;
+    if (std::filesystem::is_regular_file(candidate, ignored) && access(candidate.c_str(), X_OK) == 0) return candidate;
   }
   return {};
 }

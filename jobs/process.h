@@ -28,8 +28,7 @@ struct CapturedProcess {
 /// Runs a program without input and reads its standard output; standard error is dropped. Killed after
 /// `seconds`. Errors: kUnavailable when it cannot be started, kTimeout.
 [[nodiscard]] Result<CapturedProcess> run_and_capture(const std::filesystem::path& program,
-                                                      const std::vector<std::string>& arguments,
-                                                      double seconds);
+                                                      const std::vector<std::string>& arguments, double seconds);
 
 /// The first executable file called `name` in the folders of `search_path` (as in PATH); empty if there is
 /// none.

@@ -22,8 +22,8 @@ Result<void> copy_to(const fs::path& source, const fs::path& target) {
   fs::create_directories(target.parent_path(), error);
   if (!error) fs::copy_file(source, target, fs::copy_options::overwrite_existing, error);
   if (error)
-    return fail(ErrorKind::kInternal, fmt::format("{}: cannot be copied to {}: {}", source.string(),
-                                                  target.string(), error.message()));
+    return fail(ErrorKind::kInternal,
+                fmt::format("{}: cannot be copied to {}: {}", source.string(), target.string(), error.message()));
   return {};
 }
 
@@ -37,9 +37,9 @@ Result<ImageOrigin> read_origin(const fs::path& exr) {
     return found == image->metadata.end() ? std::string() : found->second;
   };
   if (text("spec").empty() || text("passes").empty() || text("build_id").empty() || image->layers.empty()) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: does not say how it was rendered; expected an image that photonfarm wrote",
-                            exr.string()));
+    return fail(
+        ErrorKind::kInvalidInput,
+        fmt::format("{}: does not say how it was rendered; expected an image that photonfarm wrote", exr.string()));
   }
   auto spec = parse_job_json(text("spec"), exr.string() + " (its spec)");
   if (!spec) return fail(ErrorKind::kInvalidInput, spec.error().message);
@@ -68,14 +68,13 @@ Result<void> use_scene_folder(ImageOrigin& origin, const fs::path& scene) {
   auto files = hashed_files_of_job(origin.spec);
   if (!files) return tl::unexpected(files.error());
   for (const auto& [path, id] : origin.files) {
-    const auto here =
-        std::find_if(files->begin(), files->end(), [&](const auto& file) { return file.first == path; });
+    const auto here = std::ranges::find(
+        *files, path, [](const auto& file) -> const auto& { return file.first; });
     if (here != files->end() && here->second == id) continue;
     return fail(
         ErrorKind::kInvalidInput,
-        fmt::format(
-            "{}: {}; expected the file that the image was rendered from, SHA-256 {}", (scene / path).string(),
-            here == files->end() ? "the scene does not need it any more" : "has another content", id.sha256));
+        fmt::format("{}: {}; expected the file that the image was rendered from, SHA-256 {}", (scene / path).string(),
+                    here == files->end() ? "the scene does not need it any more" : "has another content", id.sha256));
   }
   origin.files = std::move(*files);
   return {};
@@ -83,8 +82,7 @@ Result<void> use_scene_folder(ImageOrigin& origin, const fs::path& scene) {
 
 Result<void> fetch_scene(ServiceClient& client, ImageOrigin& origin, const fs::path& folder) {
   if (origin.files.empty())
-    return fail(ErrorKind::kInvalidInput,
-                "the image does not list its scene's files; expected --scene FOLDER");
+    return fail(ErrorKind::kInvalidInput, "the image does not list its scene's files; expected --scene FOLDER");
   for (const auto& [path, id] : origin.files) {
     const fs::path target = folder / path;
     std::error_code error;
@@ -101,8 +99,8 @@ Result<void> fetch_scene(ServiceClient& client, ImageOrigin& origin, const fs::p
     out.close();
     if (reply->status == 404) {
       return fail(ErrorKind::kInvalidInput,
-                  fmt::format("{} does not have {} any more (SHA-256 {}); expected --scene FOLDER",
-                              client.url(), path, id.sha256));
+                  fmt::format("{} does not have {} any more (SHA-256 {}); expected --scene FOLDER", client.url(), path,
+                              id.sha256));
     }
     if (auto checked = client.check(*reply); !checked) return checked;
     if (!out || hash.hex() != id.sha256)
@@ -114,8 +112,7 @@ Result<void> fetch_scene(ServiceClient& client, ImageOrigin& origin, const fs::p
 
 Result<fs::path> lay_out_job(const ImageOrigin& origin, const fs::path& folder) {
   for (const auto& [path, id] : origin.files) {
-    if (auto copied = copy_to(origin.spec.folder / path, folder / path); !copied)
-      return tl::unexpected(copied.error());
+    if (auto copied = copy_to(origin.spec.folder / path, folder / path); !copied) return tl::unexpected(copied.error());
   }
   const fs::path job = folder / "job.json";
   if (auto written = write_file_atomically(job, canonical_json(origin.spec)); !written)

@@ -30,11 +30,9 @@ struct ImageOrigin {
 
 /// Fetches the scene's files from the service into `folder` and makes that the job's folder. Errors:
 /// kInvalidInput for what the service does not have any more.
-[[nodiscard]] Result<void> fetch_scene(ServiceClient& client, ImageOrigin& origin,
-                                       const std::filesystem::path& folder);
+[[nodiscard]] Result<void> fetch_scene(ServiceClient& client, ImageOrigin& origin, const std::filesystem::path& folder);
 
 /// Copies the files of the job to `folder`, writes its spec there as job.json, and returns that file's path.
-[[nodiscard]] Result<std::filesystem::path> lay_out_job(const ImageOrigin& origin,
-                                                        const std::filesystem::path& folder);
+[[nodiscard]] Result<std::filesystem::path> lay_out_job(const ImageOrigin& origin, const std::filesystem::path& folder);
 
 }  // namespace pf

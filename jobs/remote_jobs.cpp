@@ -44,7 +44,7 @@ Result<json> list_jobs(ServiceClient& client, const std::string& state, bool pat
     if (!state.empty()) path += "state=" + state + "&";
     if (!before.empty()) path += "before=" + before;
     path.erase(path.find_last_not_of("?&") + 1);
-    const auto page = client.ask({.path = path}, patient);
+    auto page = client.ask({.path = path}, patient);
     if (!page) return page;
     const json jobs = page->value("jobs", json::array());
     if (!jobs.is_array()) break;
@@ -57,7 +57,7 @@ Result<json> list_jobs(ServiceClient& client, const std::string& state, bool pat
 }
 
 Result<json> find_job(ServiceClient& client, const std::string& what, bool patient) {
-  const auto listed = list_jobs(client, "", patient);
+  auto listed = list_jobs(client, "", patient);
   if (!listed) return listed;
   const json& jobs = *listed;
   std::vector<const json*> named, begun;
@@ -70,8 +70,7 @@ Result<json> find_job(ServiceClient& client, const std::string& what, bool patie
     known.insert(known.end(), {id, name});
   }
   if (!named.empty()) {
-    return **std::ranges::max_element(named, {},
-                                      [](const json* job) { return job_number(*job, "submitted_unix_ms"); });
+    return **std::ranges::max_element(named, {}, [](const json* job) { return job_number(*job, "submitted_unix_ms"); });
   }
   if (begun.size() == 1 && !what.empty()) return *begun.front();
   if (begun.size() > 1 && !what.empty()) {
@@ -79,8 +78,8 @@ Result<json> find_job(ServiceClient& client, const std::string& what, bool patie
                 fmt::format("'{}' begins the ids of {} jobs, among them {} and {}; expected more of it", what,
                             begun.size(), job_text(*begun[0], "id"), job_text(*begun[1], "id")));
   }
-  std::string message = fmt::format("{} knows no job '{}'; expected an id, the begin of one, or a job's name",
-                                    client.url(), what);
+  std::string message =
+      fmt::format("{} knows no job '{}'; expected an id, the begin of one, or a job's name", client.url(), what);
   if (const auto near = nearest_name(what, std::span<const std::string>(known)))
     message += fmt::format("; did you mean '{}'?", *near);
   return fail(ErrorKind::kUsage, message);
@@ -92,7 +91,7 @@ Result<json> all_units(ServiceClient& client, const std::string& id) {
   while (true) {
     std::string path = "/v1/jobs/" + id + "/units";
     if (after) path += fmt::format("?after={:.0f}", *after);
-    const auto page = client.ask({.path = path}, true);
+    auto page = client.ask({.path = path}, true);
     if (!page) return page;
     const json more = page->value("units", json::array());
     if (!more.is_array() || more.empty()) return units;
@@ -104,8 +103,7 @@ Result<json> all_units(ServiceClient& client, const std::string& id) {
   }
 }
 
-Result<json> watch_job(ServiceClient& client, const std::string& id,
-                       const std::function<void(const json&)>& show) {
+Result<json> watch_job(ServiceClient& client, const std::string& id, const std::function<void(const json&)>& show) {
   json last;
   while (true) {
     EventReader reader([&](const std::string& data) {

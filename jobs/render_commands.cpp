@@ -28,14 +28,14 @@ int run_in_worker(const Context& context, std::string_view command, const Argume
   all.insert(all.end(), arguments.begin(), arguments.end());
   const Result<ProcessEnd> end = run_to_end(context.folder / "photonfarm-worker", all);
   if (!end) {
-    context.err << fmt::format("photonfarm {}: {}; expected beside photonfarm; run photonfarm doctor\n",
-                               command, end.error().message);
+    context.err << fmt::format("photonfarm {}: {}; expected beside photonfarm; run photonfarm doctor\n", command,
+                               end.error().message);
     return exit_code(end.error().kind);
   }
   if (end->signal == 0) return end->exit_code;
   if (end->signal == SIGINT) return exit_code(ErrorKind::kInterrupted);
-  context.err << fmt::format("photonfarm {}: photonfarm-worker was killed by signal {} ({}){}\n", command,
-                             end->signal, sigdescr_np(end->signal), hint_for(end->signal));
+  context.err << fmt::format("photonfarm {}: photonfarm-worker was killed by signal {} ({}){}\n", command, end->signal,
+                             sigdescr_np(end->signal), hint_for(end->signal));
   return exit_code(ErrorKind::kInternal);
 }
 

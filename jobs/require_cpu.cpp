@@ -8,8 +8,7 @@ namespace {
 
 [[gnu::constructor(101)]] void require_cpu() {
   __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
-    return;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) return;
   static constexpr char kMessage[] =
       "photonfarm: this processor lacks AVX2, FMA or BMI2; expected x86-64-v3 (Intel since 2013, AMD since "
       "2015); in a "

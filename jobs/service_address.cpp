@@ -64,8 +64,8 @@ Result<ServiceAddress> find_service(const std::string& server, const std::string
   const std::filesystem::path folder(server);
   if (!std::filesystem::exists(folder / "url", error)) {
     return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: no farm has been started with this state folder (it has no file 'url'); {}",
-                            server, start_hint(server)));
+                fmt::format("{}: no farm has been started with this state folder (it has no file 'url'); {}", server,
+                            start_hint(server)));
   }
   const auto url_text = read_file(folder / "url", kMostBytes, ErrorKind::kUnavailable);
   if (!url_text) return tl::unexpected(url_text.error());

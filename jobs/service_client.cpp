@@ -36,8 +36,7 @@ Headers lower_case(const httplib::Headers& headers) {
   Headers result;
   for (const auto& [name, value] : headers) {
     std::string lower = name;
-    std::ranges::transform(lower, lower.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     result.emplace(std::move(lower), value);
   }
   return result;
@@ -92,8 +91,7 @@ httplib::Headers to_headers(const ServiceCall& call) {
 
 /// Sends a file in pieces; one that was cut meanwhile breaks the request off.
 httplib::Result put_file(httplib::Client& client, const ServiceCall& call) {
-  const auto file =
-      std::make_shared<std::ifstream>(call.file, std::ios::binary);  // shared: the library copies
+  const auto file = std::make_shared<std::ifstream>(call.file, std::ios::binary);  // shared: the library copies
   std::error_code error;
   const std::uint64_t bytes = std::filesystem::file_size(call.file, error);
   return client.Put(
@@ -165,8 +163,7 @@ Result<ServiceReply> ServiceClient::try_call(const ServiceCall& call) {
     reply.headers = lower_case(result->headers);
     if (reply.body.empty()) reply.body = result->body;
   } catch (const std::exception& error) {
-    return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: {}; {}", url_, error.what(), start_hint(options_.server)));
+    return fail(ErrorKind::kUnavailable, fmt::format("{}: {}; {}", url_, error.what(), start_hint(options_.server)));
   }
   return reply;
 }
@@ -252,8 +249,7 @@ Result<json> ServiceClient::ask(const ServiceCall& call, bool patient) {
   if (auto checked = check(*reply); !checked) return tl::unexpected(checked.error());
   auto document = json::parse(reply->body, nullptr, false);
   if (!document.is_object()) {
-    return fail(ErrorKind::kUnavailable,
-                fmt::format("{}: answers in no JSON; is it a photonfarm service?", url_));
+    return fail(ErrorKind::kUnavailable, fmt::format("{}: answers in no JSON; is it a photonfarm service?", url_));
   }
   return document;
 }

@@ -18,11 +18,11 @@
 namespace pf {
 
 struct ServiceOptions {
-  std::string server;         ///< URL or state folder
-  std::string token;          ///< for a URL
+  std::string server;             ///< URL or state folder
+  std::string token;              ///< for a URL
   std::filesystem::path ca = {};  ///< certificates that an https service is checked by; empty: as find_service says
-  double retry_seconds = 60;  ///< how long a service that answered before may be away
-  double first_seconds = 5;   ///< how long one that has never answered
+  double retry_seconds = 60;      ///< how long a service that answered before may be away
+  double first_seconds = 5;       ///< how long one that has never answered
   const std::atomic<bool>* interrupted = nullptr;
   std::function<void(const std::string&)> notice;  ///< told when it begins to try again
 };
@@ -67,9 +67,7 @@ class ServiceClient {
   /// Empty, or the error that a reply reports.
   [[nodiscard]] Result<void> check(const ServiceReply& reply) const;
 
-  [[nodiscard]] bool interrupted() const {
-    return options_.interrupted != nullptr && options_.interrupted->load();
-  }
+  [[nodiscard]] bool interrupted() const { return options_.interrupted != nullptr && options_.interrupted->load(); }
   [[nodiscard]] const ServiceOptions& options() const { return options_; }
   /// As last used; for messages.
   [[nodiscard]] const std::string& url() const { return url_; }

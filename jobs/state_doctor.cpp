@@ -105,7 +105,8 @@ class Examination {
     if (::stat(token.c_str(), &found) != 0) {
       add("token", Health::kNote, "there is none", "the farm makes one when it starts");
     } else if ((found.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-      add("token", Health::kBad, "others may read it", fmt::format("chmod 600 {}; if they may have, remove it and start the farm again", token.string()));
+      add("token", Health::kBad, "others may read it",
+          fmt::format("chmod 600 {}; if they may have, remove it and start the farm again", token.string()));
     } else {
       add("token", Health::kOk, "only its owner may read it");
     }
@@ -115,14 +116,16 @@ class Examination {
     const fs::path file = state_ / JobStore::kFileName;
     std::error_code ignored;
     if (!fs::exists(file, ignored)) {
-      add("database", Health::kNote, fmt::format("{} does not exist", file.string()), "the farm makes it when it starts, and takes in jobs of before");
+      add("database", Health::kNote, fmt::format("{} does not exist", file.string()),
+          "the farm makes it when it starts, and takes in jobs of before");
       return false;
     }
     std::string why;
     ErrorKind kind = ErrorKind::kInternal;
     for (int i = 0; i < (runs_ ? kTries : 1); ++i) {
       if (const auto error = copy.take(file)) {
-        add("database", Health::kBad, fmt::format("cannot be copied to {}: {}", temporary_.string(), error.message()), "make space there, or set TMPDIR");
+        add("database", Health::kBad, fmt::format("cannot be copied to {}: {}", temporary_.string(), error.message()),
+            "make space there, or set TMPDIR");
         return false;
       }
       const auto whole = check_integrity(copy.path(file));
@@ -130,12 +133,12 @@ class Examination {
       why = whole.error().message;
       kind = whole.error().kind;
     }
-    const std::string_view hint =
-        kind == ErrorKind::kUsage ? "use the photonfarm that wrote it, or a newer one"
-        : kind == ErrorKind::kInvalidInput
-            ? "stop the farm, move farm.sqlite and farm.sqlite-wal away and put a backup there; `sqlite3 farm.sqlite .recover` saves "
-              "what can be read; images stay in jobs/"
-            : "the disk may be failing: see the system's log";
+    const std::string_view hint = kind == ErrorKind::kUsage ? "use the photonfarm that wrote it, or a newer one"
+                                  : kind == ErrorKind::kInvalidInput
+                                      ? "stop the farm, move farm.sqlite and farm.sqlite-wal away and put a backup "
+                                        "there; `sqlite3 farm.sqlite .recover` saves "
+                                        "what can be read; images stay in jobs/"
+                                      : "the disk may be failing: see the system's log";
     add("database", Health::kBad, why, std::string(hint));
     return false;
   }
@@ -154,7 +157,9 @@ class Examination {
       if (!loose) return tl::unexpected(loose.error());
       const auto first = loose->step();
       if (!first) return tl::unexpected(first.error());
-      if (*first) return fail(ErrorKind::kInvalidInput, fmt::format("damaged: {} holds rows of a job that is not there", loose->text(0)));
+      if (*first)
+        return fail(ErrorKind::kInvalidInput,
+                    fmt::format("damaged: {} holds rows of a job that is not there", loose->text(0)));
       version = database->number("PRAGMA user_version").value_or(0);
     }
     auto store = JobStore::open(file);  // the copy is migrated too: what would fail then is found now
@@ -174,15 +179,17 @@ class Examination {
     if (!loaded) return add("jobs", Health::kBad, loaded.error().message);
     for (const auto& [id, why] : loaded->broken) {
       ids_.insert(id);
-      add(id, Health::kBad, "its record cannot be used: " + why, "the farm leaves it out; a newer photonfarm may have written it");
+      add(id, Health::kBad, "its record cannot be used: " + why,
+          "the farm leaves it out; a newer photonfarm may have written it");
     }
     const std::size_t before = checks_.size();
     for (const JobRecord& job : loaded->records) {
       ids_.insert(job.id);
       look_at_job(job);
     }
-    add("jobs", Health::kOk, fmt::format("{} in the database, {} findings", loaded->records.size() + loaded->broken.size(),
-                                         checks_.size() - before + loaded->broken.size()));
+    add("jobs", Health::kOk,
+        fmt::format("{} in the database, {} findings", loaded->records.size() + loaded->broken.size(),
+                    checks_.size() - before + loaded->broken.size()));
   }
 
   void look_at_job(const JobRecord& job) {
@@ -191,7 +198,8 @@ class Examination {
     if (!history) {
       add(job.id, Health::kBad, history.error().message, "the image is not touched by this; report it");
     } else if (!history->empty() && history->back().to != job.state) {
-      add(job.id, Health::kBad, fmt::format("is {}, but its last transition led to {}", to_string(job.state), to_string(history->back().to)),
+      add(job.id, Health::kBad,
+          fmt::format("is {}, but its last transition led to {}", to_string(job.state), to_string(history->back().to)),
           "the image is not touched by this; report it");
     }
     if (job.bundle.bytes > 0) look_at_blobs(job);
@@ -202,7 +210,8 @@ class Examination {
     std::error_code ignored;
     for (const fs::path& file : {paths.exr, paths.png, paths.json}) {
       if (fs::exists(file, ignored)) continue;
-      add(job.id, Health::kBad, fmt::format("{} is missing", file.string()), "extend the job by a pass: it is written again");
+      add(job.id, Health::kBad, fmt::format("{} is missing", file.string()),
+          "extend the job by a pass: it is written again");
     }
   }
 
@@ -213,22 +222,28 @@ class Examination {
     if (!fs::exists(file, ignored)) {
       const bool expected = job.figures.passes > 0 && !expired && !discarded;
       if (!expected) return;
-      if (has_ended(job.state)) return add(job.id, Health::kNote, "its checkpoint is missing", "it cannot be extended; the image is not touched by this");
-      return add(job.id, Health::kBad, fmt::format("{} is missing", file.string()), "the job starts from the beginning when the farm starts");
+      if (has_ended(job.state))
+        return add(job.id, Health::kNote, "its checkpoint is missing",
+                   "it cannot be extended; the image is not touched by this");
+      return add(job.id, Health::kBad, fmt::format("{} is missing", file.string()),
+                 "the job starts from the beginning when the farm starts");
     }
     std::string attachment;
     const auto film = Film::load(file, checkpoint_identity(job, build_id_), &attachment);
     if (film) {
-      if (const auto note = CheckpointNote::from_json(attachment); !note) add(job.id, Health::kBad, note.error().message, "retry the job");
+      if (const auto note = CheckpointNote::from_json(attachment); !note)
+        add(job.id, Health::kBad, note.error().message, "retry the job");
       return;
     }
     // A farm that runs may have replaced it just now, and ended the job with it.
     const bool damaged = film.error().message.find("not a whole checkpoint") != std::string::npos;
     if (damaged) {
       add(job.id, Health::kBad, film.error().message,
-          has_ended(job.state) ? "it cannot be extended; the image is not touched by this" : "retry the job: it starts from the beginning");
+          has_ended(job.state) ? "it cannot be extended; the image is not touched by this"
+                               : "retry the job: it starts from the beginning");
     } else if (!has_ended(job.state)) {
-      add(job.id, Health::kNote, film.error().message, "an image's bits depend on the build: only the one that wrote it can go on");
+      add(job.id, Health::kNote, film.error().message,
+          "an image's bits depend on the build: only the one that wrote it can go on");
     }
   }
 
@@ -241,8 +256,8 @@ class Examination {
       const std::string sha256 = rows.text(0);
       const std::string& verdict = verdict_on({sha256, rows.count(1)});
       if (verdict.empty()) continue;
-      add(job.id, has_ended(job.state) ? Health::kNote : Health::kBad, fmt::format("its file {} {}", sha256.substr(0, 12), verdict),
-          "submit the same job again: that uploads it");
+      add(job.id, has_ended(job.state) ? Health::kNote : Health::kBad,
+          fmt::format("its file {} {}", sha256.substr(0, 12), verdict), "submit the same job again: that uploads it");
     }
   }
 
@@ -267,7 +282,8 @@ class Examination {
       if (ids_.contains(id)) continue;
       const bool old = fs::exists(entry.path() / "job.json", ignored);
       add(id, Health::kNote, old ? "is of before the database" : "is a folder of no job",
-          old ? "the farm takes it in when it starts" : fmt::format("nothing needs it: rm -r {}", entry.path().string()));
+          old ? "the farm takes it in when it starts"
+              : fmt::format("nothing needs it: rm -r {}", entry.path().string()));
     }
     const auto needed = store_->all_blobs();
     if (!needed) return;
@@ -295,10 +311,13 @@ class Examination {
 
 }  // namespace
 
-Result<std::vector<Check>> examine_state(const fs::path& state, const fs::path& temporary, const std::string& build_id) {
+Result<std::vector<Check>> examine_state(const fs::path& state, const fs::path& temporary,
+                                         const std::string& build_id) {
   std::error_code ignored;
   if (!fs::is_directory(state / "jobs", ignored) && !fs::exists(state / JobStore::kFileName, ignored)) {
-    return fail(ErrorKind::kUsage, fmt::format("{}: no farm has worked here; expected the folder given to photonfarm farm --state", state.string()));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: no farm has worked here; expected the folder given to photonfarm farm --state",
+                            state.string()));
   }
   return Examination(state, temporary, build_id).run();
 }

@@ -16,20 +16,19 @@ namespace {
 using nlohmann::json;
 
 /// Asks the service to do something with the job that `what` means, and shows the job as it is then.
-int steer(ClientCommand& command, const std::string& what, const std::string& method,
-          const std::string& action, const json& body = nullptr) {
+int steer(ClientCommand& command, const std::string& what, const std::string& method, const std::string& action,
+          const json& body = nullptr) {
   const auto found = find_job(command.client(), what, false);
   if (!found) return command.report(found.error());
   const std::string id = job_text(*found, "id");
-  const auto job = command.client().ask({.method = method,
-                                         .path = "/v1/jobs/" + id + action,
-                                         .body = body.is_null() ? std::string() : body.dump()},
-                                        false);
+  const auto job = command.client().ask(
+      {.method = method, .path = "/v1/jobs/" + id + action, .body = body.is_null() ? std::string() : body.dump()},
+      false);
   if (!job) return command.report(job.error());
   if (command.json()) return command.print(*job);
   const std::string message = job_text(*job, "message");
-  command.context().out << fmt::format("{} {}{}{}\n", id, job_text(*job, "state"),
-                                       message.empty() ? "" : ": ", message);
+  command.context().out << fmt::format("{} {}{}{}\n", id, job_text(*job, "state"), message.empty() ? "" : ": ",
+                                       message);
   return 0;
 }
 
@@ -38,8 +37,7 @@ int run_simple(const Context& context, const Arguments& arguments, const std::st
   std::string what;
   ClientCommand command(context, verb, summary);
   command.app().add_option("JOB", what, kJobHelp)->required();
-  command.examples(
-      fmt::format("  photonfarm {0} glass-caustic\n  photonfarm {0} glass-caustic --json", verb));
+  command.examples(fmt::format("  photonfarm {0} glass-caustic\n  photonfarm {0} glass-caustic --json", verb));
   if (const auto code = command.parse(arguments)) return *code;
   return steer(command, what, "POST", "/" + verb);
 }
@@ -56,8 +54,7 @@ int run_resume_command(const Context& context, const Arguments& arguments) {
 }
 
 int run_retry_command(const Context& context, const Arguments& arguments) {
-  return run_simple(context, arguments, "retry",
-                    "Starts a failed or cancelled job again from its checkpoint.");
+  return run_simple(context, arguments, "retry", "Starts a failed or cancelled job again from its checkpoint.");
 }
 
 int run_extend_command(const Context& context, const Arguments& arguments) {
@@ -93,8 +90,7 @@ int run_set_command(const Context& context, const Arguments& arguments) {
   command.app()
       .add_option("--max-workers", workers, "workers that may trace for it at a time; 0: no bound")
       ->check(CLI::Range(0, 1000000));
-  command.examples(
-      "  photonfarm set glass-caustic --priority 80\n  photonfarm set glass-caustic --max-workers 4");
+  command.examples("  photonfarm set glass-caustic --priority 80\n  photonfarm set glass-caustic --max-workers 4");
   if (const auto code = command.parse(arguments)) return *code;
   json body = json::object();
   if (priority) body["priority"] = *priority;
@@ -122,9 +118,8 @@ int run_remove_command(const Context& context, const Arguments& arguments) {
 
 int run_units_command(const Context& context, const Arguments& arguments) {
   std::string what;
-  ClientCommand command(
-      context, "units",
-      "Lists a job's work units: who has or had each, how long it took, the hash of its sums.");
+  ClientCommand command(context, "units",
+                        "Lists a job's work units: who has or had each, how long it took, the hash of its sums.");
   command.app().add_option("JOB", what, kJobHelp)->required();
   command.examples("  photonfarm units glass-caustic\n  photonfarm units glass-caustic --json");
   if (const auto code = command.parse(arguments)) return *code;
@@ -140,9 +135,8 @@ int run_units_command(const Context& context, const Arguments& arguments) {
 int run_validate_command(const Context& context, const Arguments& arguments) {
   std::string job;
   std::vector<std::string> overrides;
-  ClientCommand command(
-      context, "validate",
-      "Checks a job file: here, and by the farm's own rules. Sends its spec, none of its files.");
+  ClientCommand command(context, "validate",
+                        "Checks a job file: here, and by the farm's own rules. Sends its spec, none of its files.");
   command.app().add_option("JOB", job, "job file (.toml or .json)")->required();
   command.app()
       .add_option("--set", overrides, "change a key of the job: --set stop.passes=64")

@@ -68,7 +68,8 @@ Result<void> upload_files(ServiceClient& client, const std::vector<SubmittedFile
 
 namespace {
 
-Result<json> post_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files, const std::string& path) {
+Result<json> post_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files,
+                      const std::string& path) {
   const auto key = new_key();
   if (!key) return tl::unexpected(key.error());
   return client.ask({.method = "POST",
@@ -94,7 +95,8 @@ Result<json> submit_known_files(ServiceClient& client, const JobSpec& spec, cons
   return post_job(client, spec, files, std::string(kJobsPath));
 }
 
-Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files, const std::string& path) {
+Result<json> submit_job(ServiceClient& client, const JobSpec& spec, const std::vector<SubmittedFile>& files,
+                        const std::string& path) {
   if (auto uploaded = upload_files(client, files); !uploaded) return tl::unexpected(uploaded.error());
   return post_job(client, spec, files, path);
 }

@@ -32,8 +32,8 @@ int show_dry_run(const ClientCommand& command, const JobSpec& spec, const std::v
     return command.print({{"spec", json::parse(canonical_json(spec))}, {"files", listed}, {"bytes", bytes}});
   }
   std::ostream& out = command.context().out;
-  out << fmt::format("{}: valid; {} files, {}B would be sent, less what the service has already\n",
-                     spec.job.name, files.size(), short_number(static_cast<double>(bytes)));
+  out << fmt::format("{}: valid; {} files, {}B would be sent, less what the service has already\n", spec.job.name,
+                     files.size(), short_number(static_cast<double>(bytes)));
   for (const SubmittedFile& file : files)
     out << fmt::format("  {}  {}B\n", file.path, short_number(static_cast<double>(file.id.bytes)));
   return 0;
@@ -55,11 +55,13 @@ Result<Prepared> prepare(const SubmitOptions& options) {
     if (!spec) return tl::unexpected(spec.error());
     prepared.spec = std::move(*spec);
   } else {
-    if (!options.overrides.empty()) return fail(ErrorKind::kUsage, "--set changes the job; --from is to render the same again");
+    if (!options.overrides.empty())
+      return fail(ErrorKind::kUsage, "--set changes the job; --from is to render the same again");
     auto origin = read_origin(options.from);
     if (!origin) return tl::unexpected(origin.error());
     if (options.scene.empty() && origin->files.empty())
-      return fail(ErrorKind::kInvalidInput, options.from + ": does not list its scene's files; expected --scene FOLDER");
+      return fail(ErrorKind::kInvalidInput,
+                  options.from + ": does not list its scene's files; expected --scene FOLDER");
     if (!options.scene.empty()) {
       if (auto used = use_scene_folder(*origin, options.scene); !used) return tl::unexpected(used.error());
     }
@@ -89,13 +91,10 @@ int wait_and_fetch(ClientCommand& command, json job, const std::string& folder) 
     return code;
   }
   if (command.json()) {
-    return command.print({{"job", job},
-                          {"exr", files->exr.string()},
-                          {"png", files->png.string()},
-                          {"json", files->json.string()}});
+    return command.print(
+        {{"job", job}, {"exr", files->exr.string()}, {"png", files->png.string()}, {"json", files->json.string()}});
   }
-  command.context().out << fmt::format("{}\n{}\n{}\n", files->exr.string(), files->png.string(),
-                                       files->json.string());
+  command.context().out << fmt::format("{}\n{}\n{}\n", files->exr.string(), files->png.string(), files->json.string());
   return 0;
 }
 
@@ -103,19 +102,20 @@ int wait_and_fetch(ClientCommand& command, json job, const std::string& folder) 
 
 int run_submit_command(const Context& context, const Arguments& arguments) {
   SubmitOptions options;
-  ClientCommand command(context, "submit",
-                        "Sends a job to a farm: its spec, and the files that the service lacks.");
+  ClientCommand command(context, "submit", "Sends a job to a farm: its spec, and the files that the service lacks.");
   command.app().add_option("JOB", options.job, "job file (.toml or .json)");
-  command.app().add_option("--from", options.from, "instead of a job file: an EXR that photonfarm wrote, to be rendered again to the same bits");
-  command.app().add_option("--scene", options.scene, "with --from: folder with the scene's files; default: the service has them")
+  command.app().add_option(
+      "--from", options.from,
+      "instead of a job file: an EXR that photonfarm wrote, to be rendered again to the same bits");
+  command.app()
+      .add_option("--scene", options.scene, "with --from: folder with the scene's files; default: the service has them")
       ->check(CLI::ExistingDirectory);
   command.app()
       .add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")
       ->take_all()
       ->allow_extra_args(false);
-  command.app().add_flag(
-      "--wait", options.wait,
-      "show progress until it has ended, then fetch the images; Ctrl-C leaves the job running");
+  command.app().add_flag("--wait", options.wait,
+                         "show progress until it has ended, then fetch the images; Ctrl-C leaves the job running");
   command.app()
       .add_option("--out", options.out, "with --wait: folder for <job name>.exr, .png and .json")
       ->capture_default_str();
@@ -130,11 +130,11 @@ int run_submit_command(const Context& context, const Arguments& arguments) {
   if (!prepared) return command.report(prepared.error());
   const auto& [spec, files, known] = *prepared;
   if (options.dry_run) return show_dry_run(command, spec, files);
-  const auto job = known ? submit_known_files(command.client(), spec, files) : submit_job(command.client(), spec, files);
+  const auto job =
+      known ? submit_known_files(command.client(), spec, files) : submit_job(command.client(), spec, files);
   if (!job) {
     if (job.error().kind != ErrorKind::kInterrupted) return command.report(job.error());
-    command.note(
-        "interrupted before the service said that it took the job; 'photonfarm list' shows whether it did");
+    command.note("interrupted before the service said that it took the job; 'photonfarm list' shows whether it did");
     return exit_code(ErrorKind::kInterrupted);
   }
   const std::string id = job_text(*job, "id");
@@ -144,8 +144,8 @@ int run_submit_command(const Context& context, const Arguments& arguments) {
   }
   if (command.json()) return command.print(*job);
   context.out << fmt::format("{}\n", id);
-  command.note(fmt::format(
-      "submitted; 'photonfarm watch {0}' shows it, 'photonfarm download {0}' fetches the result", id));
+  command.note(
+      fmt::format("submitted; 'photonfarm watch {0}' shows it, 'photonfarm download {0}' fetches the result", id));
   return 0;
 }
 

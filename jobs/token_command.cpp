@@ -12,8 +12,7 @@ using nlohmann::json;
 
 int create_token(ClientCommand& command, const std::string& name, const std::string& role) {
   const json body = {{"name", name}, {"role", role}};
-  const auto token =
-      command.client().ask({.method = "POST", .path = "/v1/tokens", .body = body.dump()}, false);
+  const auto token = command.client().ask({.method = "POST", .path = "/v1/tokens", .body = body.dump()}, false);
   if (!token) return command.report(token.error());
   if (command.json()) return command.print(*token);
   command.context().out << job_text(*token, "token") << '\n';
@@ -42,8 +41,7 @@ int revoke_token(ClientCommand& command, const std::string& name) {
 
 int run_token_command(const Context& context, const Arguments& arguments) {
   std::string name, role = "submit";
-  ClientCommand command(context, "token",
-                        "Makes, lists and revokes the tokens that open the service to others.");
+  ClientCommand command(context, "token", "Makes, lists and revokes the tokens that open the service to others.");
   CLI::App& app = command.app();
   app.require_subcommand(1);
   CLI::App& create = *app.add_subcommand("create", "make a token and print it, once")->fallthrough();
@@ -57,8 +55,7 @@ int run_token_command(const Context& context, const Arguments& arguments) {
   revoke.add_option("NAME", name, "the token's name")
       ->required()
       ->check(CLI::Validator(
-          [](const std::string& text) { return is_path_segment(text) ? "" : "expected a-z, 0-9 and -"; },
-          ""));
+          [](const std::string& text) { return is_path_segment(text) ? "" : "expected a-z, 0-9 and -"; }, ""));
   command.examples(
       "  photonfarm token create anna --role submit\n  photonfarm token list\n  photonfarm token revoke "
       "anna");

@@ -27,14 +27,11 @@ constexpr double kLongSeconds = 30 * 86400.0;  // a render may take that long; C
 std::vector<std::string> differences(const ImageOrigin& given, const ImageOrigin& again) {
   std::vector<std::string> lines;
   if (given.image_hash != again.image_hash)
-    lines.push_back(
-        fmt::format("the beauty's SHA-256 is {}; rendered again {}", given.image_hash, again.image_hash));
+    lines.push_back(fmt::format("the beauty's SHA-256 is {}; rendered again {}", given.image_hash, again.image_hash));
   if (given.state_chain != again.state_chain)
-    lines.push_back(
-        fmt::format("the chain of states is {}; rendered again {}", given.state_chain, again.state_chain));
+    lines.push_back(fmt::format("the chain of states is {}; rendered again {}", given.state_chain, again.state_chain));
   if (given.scene_hash != again.scene_hash)
-    lines.push_back(
-        fmt::format("the scene's hash is {}; rendered again {}", given.scene_hash, again.scene_hash));
+    lines.push_back(fmt::format("the scene's hash is {}; rendered again {}", given.scene_hash, again.scene_hash));
   for (const Layer& layer : given.image.layers) {
     const Layer* other = again.image.find(layer.name);
     if (other == nullptr || other->data.size() != layer.data.size() ||
@@ -49,29 +46,27 @@ Result<ImageOrigin> render_again(ClientCommand& command, const ImageOrigin& give
   if (!job) return tl::unexpected(job.error());
   const fs::path worker = command.context().folder / "photonfarm-worker";
   command.note(fmt::format("renders {} again: {} passes", given.spec.job.name, given.spec.stop.passes));
-  const auto run = run_and_capture(
-      worker, {"render", job->string(), "--out", (folder / "out").string(), "--json"}, kLongSeconds);
+  const auto run =
+      run_and_capture(worker, {"render", job->string(), "--out", (folder / "out").string(), "--json"}, kLongSeconds);
   if (!run) return tl::unexpected(run.error());
   if (run->end.exit_code != 0 || run->end.signal != 0) {
-    return fail(ErrorKind::kInternal,
-                fmt::format("rendering again failed with exit code {}; 'photonfarm render' says why",
-                            run->end.exit_code));
+    return fail(
+        ErrorKind::kInternal,
+        fmt::format("rendering again failed with exit code {}; 'photonfarm render' says why", run->end.exit_code));
   }
   return read_origin(folder / "out" / (given.spec.job.name + ".exr"));
 }
 
-int verify_image(ClientCommand& command, const fs::path& file, const std::string& scene,
-                 const fs::path& scratch) {
+int verify_image(ClientCommand& command, const fs::path& file, const std::string& scene, const fs::path& scratch) {
   auto given = read_origin(file);
   if (!given) return command.report(given.error());
   if (given->build_id != kBuildId) {
     return command.report(
-        {ErrorKind::kUsage,
-         fmt::format("{}: is of build {}, this is {}; only the same build gives the same bits", file.string(),
-                     given->build_id, kBuildId)});
+        {ErrorKind::kUsage, fmt::format("{}: is of build {}, this is {}; only the same build gives the same bits",
+                                        file.string(), given->build_id, kBuildId)});
   }
-  const auto scene_found = scene.empty() ? fetch_scene(command.client(), *given, scratch / "fetched")
-                                         : use_scene_folder(*given, scene);
+  const auto scene_found =
+      scene.empty() ? fetch_scene(command.client(), *given, scratch / "fetched") : use_scene_folder(*given, scene);
   if (!scene_found) return command.report(scene_found.error());
   const auto again = render_again(command, *given, scratch);
   if (!again) return command.report(again.error());
@@ -124,8 +119,7 @@ int run_verify_command(const Context& context, const Arguments& arguments) {
   if (const auto code = command.parse(arguments)) return *code;
   const ScratchFolder scratch(context.temporary);
   if (scratch.path().empty())
-    return command.report(
-        {ErrorKind::kInternal, context.temporary.string() + ": no folder can be made there"});
+    return command.report({ErrorKind::kInternal, context.temporary.string() + ": no folder can be made there"});
   std::error_code ignored;
   if (what.ends_with(".exr") || fs::is_regular_file(what, ignored))
     return verify_image(command, what, scene, scratch.path());

@@ -29,8 +29,7 @@ struct ResultUnits {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> units;  ///< first, count
   [[nodiscard]] std::string text() const {
     std::string all;
-    for (const auto& [first, count] : units)
-      all += fmt::format("{}{}:{}", all.empty() ? "" : ",", first, count);
+    for (const auto& [first, count] : units) all += fmt::format("{}{}:{}", all.empty() ? "" : ",", first, count);
     return all;
   }
 };
@@ -46,6 +45,7 @@ std::vector<ResultUnits> results_of(const json& units) {
                               static_cast<std::uint64_t>(job_number(unit, "count")));
   }
   std::vector<ResultUnits> results;
+  results.reserve(by_hash.size());
   for (auto& [hash, result] : by_hash) results.push_back(std::move(result));
   return results;
 }
@@ -73,8 +73,7 @@ Result<json> recompute(const ClientCommand& command, const fs::path& job, const 
   json document = json::parse(run->output, nullptr, false);
   if (run->end.exit_code != 0 || !document.is_object() || !document.contains("results") ||
       document["results"].size() != results.size())
-    return fail(ErrorKind::kInternal,
-                fmt::format("recomputing failed with exit code {}", run->end.exit_code));
+    return fail(ErrorKind::kInternal, fmt::format("recomputing failed with exit code {}", run->end.exit_code));
   return document["results"];
 }
 
@@ -86,11 +85,10 @@ int report(const ClientCommand& command, const std::string& id, const std::vecto
     const std::string hash = job_text(again[i], "hash");
     const char* verdict = hash.empty() ? "cannot" : hash == chosen[i].hash ? "same" : "different";
     ++(hash.empty() ? impossible : hash == chosen[i].hash ? same : different);
-    list.push_back(
-        {{"units", chosen[i].text()}, {"kept", chosen[i].hash}, {"recomputed", hash}, {"verdict", verdict}});
+    list.push_back({{"units", chosen[i].text()}, {"kept", chosen[i].hash}, {"recomputed", hash}, {"verdict", verdict}});
     if (different > 0 && !command.json() && hash != chosen[i].hash && !hash.empty())
-      command.context().out << fmt::format("  sub-passes {}: the coordinator kept {}, here {}\n",
-                                           chosen[i].text(), chosen[i].hash, hash);
+      command.context().out << fmt::format("  sub-passes {}: the coordinator kept {}, here {}\n", chosen[i].text(),
+                                           chosen[i].hash, hash);
   }
   if (command.json()) {
     command.print({{"job", id},
@@ -104,8 +102,7 @@ int report(const ClientCommand& command, const std::string& id, const std::vecto
         "{}: {} of {} results recomputed from spec and scene by the same build: {} the same, {} "
         "different{}\n",
         id, same + different, known, same, different,
-        impossible > 0 ? fmt::format("; {} cannot be: the radii of their rounds are gone", impossible)
-                       : std::string());
+        impossible > 0 ? fmt::format("; {} cannot be: the radii of their rounds are gone", impossible) : std::string());
     if (same + different == 0)
       command.context().out << "nothing was shown; 'photonfarm verify IMAGE.exr' renders the whole image\n";
   }
@@ -120,20 +117,17 @@ int verify_units(ClientCommand& command, const std::string& what, const std::str
   if (!job) return command.report(job.error());
   const std::string id = job_text(*job, "id"), path = "/v1/jobs/" + id;
   const fs::path image = scratch / "image.exr", checkpoint = scratch / "film.checkpoint";
-  if (auto got = fetch(command.client(), path + "/image.exr", image); !got)
-    return command.report(got.error());
-  if (auto got = fetch(command.client(), path + "/checkpoint", checkpoint); !got)
-    return command.report(got.error());
+  if (auto got = fetch(command.client(), path + "/image.exr", image); !got) return command.report(got.error());
+  if (auto got = fetch(command.client(), path + "/checkpoint", checkpoint); !got) return command.report(got.error());
   auto origin = read_origin(image);
   if (!origin) return command.report(origin.error());
   if (origin->build_id != kBuildId) {
     return command.report(
-        {ErrorKind::kUsage,
-         fmt::format("{}: is of build {}, this is {}; only the same build gives the same sums", id,
-                     origin->build_id, kBuildId)});
+        {ErrorKind::kUsage, fmt::format("{}: is of build {}, this is {}; only the same build gives the same sums", id,
+                                        origin->build_id, kBuildId)});
   }
-  const auto scene_found = scene.empty() ? fetch_scene(command.client(), *origin, scratch / "fetched")
-                                         : use_scene_folder(*origin, scene);
+  const auto scene_found =
+      scene.empty() ? fetch_scene(command.client(), *origin, scratch / "fetched") : use_scene_folder(*origin, scene);
   if (!scene_found) return command.report(scene_found.error());
   const auto laid_out = lay_out_job(*origin, scratch / "scene");
   if (!laid_out) return command.report(laid_out.error());
@@ -143,11 +137,9 @@ int verify_units(ClientCommand& command, const std::string& what, const std::str
   const std::size_t known = results.size();
   std::mt19937_64 random(options.seed ? *options.seed : std::random_device{}());
   std::ranges::shuffle(results, random);
-  if (results.size() > static_cast<std::size_t>(options.count))
-    results.resize(static_cast<std::size_t>(options.count));
+  if (results.size() > static_cast<std::size_t>(options.count)) results.resize(static_cast<std::size_t>(options.count));
   if (results.empty())
-    return command.report(
-        {ErrorKind::kInternal, fmt::format("{}: the service keeps no hashes of its units", id)});
+    return command.report({ErrorKind::kInternal, fmt::format("{}: the service keeps no hashes of its units", id)});
   const auto again = recompute(command, *laid_out, checkpoint, results);
   if (!again) return command.report(again.error());
   return report(command, id, results, *again, known);

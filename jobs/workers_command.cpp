@@ -14,8 +14,8 @@ using nlohmann::json;
 int tell(ClientCommand& command, const std::vector<std::string>& names, const std::string& action) {
   json workers = json::array();
   for (const std::string& name : names) {
-    const auto worker = command.client().ask(
-        {.method = "POST", .path = fmt::format("/v1/workers/{}/{}", name, action)}, false);
+    const auto worker =
+        command.client().ask({.method = "POST", .path = fmt::format("/v1/workers/{}/{}", name, action)}, false);
     if (!worker) return command.report(worker.error());
     if (!command.json()) command.context().out << fmt::format("{} {}\n", name, job_text(*worker, "state"));
     workers.push_back(*worker);
@@ -27,8 +27,7 @@ int tell(ClientCommand& command, const std::vector<std::string>& names, const st
 
 int run_workers_command(const Context& context, const Arguments& arguments) {
   std::vector<std::string> names;
-  ClientCommand command(context, "workers",
-                        "Lists the farm's workers and what they do, or sends some of them away.");
+  ClientCommand command(context, "workers", "Lists the farm's workers and what they do, or sends some of them away.");
   CLI::App& app = command.app();
   app.require_subcommand(0, 1);
   app.add_subcommand("list", "list them; what happens without a word")->fallthrough();
@@ -46,8 +45,7 @@ int run_workers_command(const Context& context, const Arguments& arguments) {
     action.add_option("NAME", names, "workers' names")->required()->check(is_name);
     action.footer(fmt::format("Example:\n  photonfarm workers {} worker-3", name));
   }
-  command.examples(
-      "  photonfarm workers\n  photonfarm workers --json\n  photonfarm workers drain worker-3 worker-4");
+  command.examples("  photonfarm workers\n  photonfarm workers --json\n  photonfarm workers drain worker-3 worker-4");
   if (const auto code = command.parse(arguments)) return *code;
   for (const auto& [name, help] : actions) {
     if (app.got_subcommand(name)) return tell(command, names, name);

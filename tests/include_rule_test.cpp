@@ -43,8 +43,8 @@ const std::map<std::string, Names>& rules() {
       {"worker/opencl",
        with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon", "worker/integrators"})},
       {"worker/farm", kCommon},
-      {"worker", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon",
-                                "worker/integrators", "worker/opencl", "worker/farm"})},
+      {"worker", with(kCommon, {"worker/bsdf", "worker/scene", "worker/plan", "worker/photon", "worker/integrators",
+                                "worker/opencl", "worker/farm"})},
       {"coordinator", kCommon},
       // photonfarm doctor reads a farm's database.
       {"jobs", with(kCommon, {"coordinator"})},
@@ -69,8 +69,7 @@ std::vector<std::string> violations(const std::string& path, const std::string& 
   static const std::regex kInclude(R"re(^\s*#\s*include\s*"([^"]+)")re");
   const std::string folder = folder_of(path);
   std::vector<std::string> found;
-  if (folder.empty())
-    return {path + ": stands in a folder without a rule; expected a line in rules() of this test"};
+  if (folder.empty()) return {path + ": stands in a folder without a rule; expected a line in rules() of this test"};
   std::istringstream lines(text);
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
@@ -102,8 +101,7 @@ TEST(IncludeRule, EverySourceOfTheTreeKeepsIt) {
       ++files;
       std::ifstream file(entry.path());
       const std::string text{std::istreambuf_iterator<char>(file), {}};
-      for (const std::string& violation :
-           violations(fs::relative(entry.path(), root).generic_string(), text)) {
+      for (const std::string& violation : violations(fs::relative(entry.path(), root).generic_string(), text)) {
         ADD_FAILURE() << violation;
       }
     }
@@ -116,8 +114,8 @@ TEST(IncludeRule, TheRulesHaveNoCircle) {
   Names settled;
   for (std::size_t round = 0; round < rules().size(); ++round) {
     for (const auto& [folder, allowed] : rules()) {
-      const bool ready = std::all_of(allowed.begin(), allowed.end(),
-                                     [&](const std::string& name) { return settled.contains(name); });
+      const bool ready =
+          std::all_of(allowed.begin(), allowed.end(), [&](const std::string& name) { return settled.contains(name); });
       if (ready) settled.insert(folder);
     }
   }
@@ -125,9 +123,7 @@ TEST(IncludeRule, TheRulesHaveNoCircle) {
 }
 
 TEST(IncludeRule, FindsWhatPointsTheWrongWay) {
-  const auto count = [](const std::string& path, const std::string& text) {
-    return violations(path, text).size();
-  };
+  const auto count = [](const std::string& path, const std::string& text) { return violations(path, text).size(); };
   EXPECT_EQ(count("worker/worker.cpp", "#include \"coordinator/ledger.h\"\n"), 1U);
   EXPECT_EQ(count("coordinator/ledger.cpp", "#include \"worker/scene/scene.h\"\n"), 1U);
   EXPECT_EQ(count("common/film/film.cpp", "#include \"common/spec/job_spec.h\"\n"), 1U);
@@ -139,14 +135,12 @@ TEST(IncludeRule, FindsWhatPointsTheWrongWay) {
 }
 
 TEST(IncludeRule, AcceptsWhatPointsTheRightWay) {
+  EXPECT_TRUE(violations("worker/plan/plan.cpp",
+                         "#include \"worker/plan/plan.h\"\n#include <vector>\n#include \"common/spec/job_spec.h\"\n"
+                         "#include \"worker/scene/scene_description.h\"\n// #include \"coordinator/ledger.h\"\n")
+                  .empty());
   EXPECT_TRUE(
-      violations("worker/plan/plan.cpp",
-                 "#include \"worker/plan/plan.h\"\n#include <vector>\n#include \"common/spec/job_spec.h\"\n"
-                 "#include \"worker/scene/scene_description.h\"\n// #include \"coordinator/ledger.h\"\n")
-          .empty());
-  EXPECT_TRUE(
-      violations("jobs/main.cpp", "#include \"build_id.h\"\n#include \"jobs/scenes/generate/mesh.h\"\n")
-          .empty());
+      violations("jobs/main.cpp", "#include \"build_id.h\"\n#include \"jobs/scenes/generate/mesh.h\"\n").empty());
 }
 
 }  // namespace

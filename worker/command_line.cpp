@@ -2,8 +2,8 @@
 
 #include <ostream>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "build_id.h"
 #include "common/base/cli_tree.h"
@@ -48,8 +48,8 @@ int render(const WorkerContext& context, const Options& options) {
   const auto style = context.terminal ? ProgressReporter::Style::kBar : ProgressReporter::Style::kLines;
   ProgressReporter reporter(clock, context.err, style, context.columns);
   Progress last;
-  const RenderRequest request{*spec, options.out, options.resume, options.threads, context.interrupted,
-                              options.snapshots};
+  const RenderRequest request{*spec,           options.out,         options.resume,
+                              options.threads, context.interrupted, options.snapshots};
   const ProcessorClock processor;
   const Clock& counted = options.processor_time ? static_cast<const Clock&>(processor) : clock;
   auto result = render_job(request, counted, [&](const Progress& progress) { reporter.update(last = progress); });
@@ -111,13 +111,18 @@ int serve(const WorkerContext& context, const Options& options) {
 }
 
 void add_serve_options(CLI::App& command, Options& options) {
-  command.add_option("--engine", options.engine, "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
+  command.add_option("--engine", options.engine,
+                     "NATS server: nats://HOST:PORT or tls://HOST:PORT; by default the credentials' one");
   command.add_option("--credentials", options.credentials, "file that photonfarm farm init made for this worker");
   command.add_option("--name", options.name, "this worker's name, [A-Za-z0-9_-]; by default the credentials' one");
   command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
-  command.add_option("--cache", options.cache, "folder for scenes; may be shared by the workers of a machine")->capture_default_str();
-  command.add_option("--cache-gib", options.cache_gib, "bound of that folder")->capture_default_str()->check(CLI::Range(1, 100000));
-  command.footer("Example:\n  photonfarm-worker serve --credentials worker-1.toml --threads 1 --cache /var/cache/photonfarm");
+  command.add_option("--cache", options.cache, "folder for scenes; may be shared by the workers of a machine")
+      ->capture_default_str();
+  command.add_option("--cache-gib", options.cache_gib, "bound of that folder")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100000));
+  command.footer(
+      "Example:\n  photonfarm-worker serve --credentials worker-1.toml --threads 1 --cache /var/cache/photonfarm");
 }
 
 }  // namespace
@@ -130,7 +135,9 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
   app.require_subcommand(1);
   const auto add_common = [&](CLI::App& command) {
     command.add_option("JOB", options.job, "job file (.toml or .json)")->required();
-    command.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")->take_all()->allow_extra_args(false);
+    command.add_option("--set", options.overrides, "change a key of the job: --set stop.passes=64")
+        ->take_all()
+        ->allow_extra_args(false);
     command.add_flag("--json", options.json, "one JSON document on standard output, and nothing else there");
   };
   CLI::App& render_command = *app.add_subcommand("render", "render a job on this machine");
@@ -139,8 +146,9 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
   render_command.add_option("--out", options.out, "folder for <job name>.exr, .png and .json")->capture_default_str();
   render_command.add_flag("--resume", options.resume, "go on from the checkpoint in --out, to the same bits");
   render_command
-      .add_option("--snapshot-seconds", options.snapshots.seconds,
-                  "also write <job name>.snapshot-<n>.exr as stop.seconds of each of these, ascending, would have left it")
+      .add_option(
+          "--snapshot-seconds", options.snapshots.seconds,
+          "also write <job name>.snapshot-<n>.exr as stop.seconds of each of these, ascending, would have left it")
       ->delimiter(',')
       ->check(CLI::PositiveNumber);
   render_command.add_option("--snapshot-passes", options.snapshots.passes, "the same for stop.passes")
@@ -148,20 +156,24 @@ int run_worker(const WorkerContext& context, const std::vector<std::string>& arg
       ->check(CLI::PositiveNumber);
   render_command.add_flag("--processor-time", options.processor_time,
                           "count seconds of processor time: for measuring on a machine that does other work");
-  render_command.footer("Examples:\n  photonfarm render jobs/glass-caustic.toml --out out\n"
-                        "  photonfarm render job.toml --set stop.passes=256 --set integrator.type=\\\"path\\\"\n"
-                        "  photonfarm render job.toml --resume --set stop.passes=512");
+  render_command.footer(
+      "Examples:\n  photonfarm render jobs/glass-caustic.toml --out out\n"
+      "  photonfarm render job.toml --set stop.passes=256 --set integrator.type=\\\"path\\\"\n"
+      "  photonfarm render job.toml --resume --set stop.passes=512");
   CLI::App& plan_command = *app.add_subcommand("plan", "say what a scene holds and how it would be rendered");
   add_common(plan_command);
   plan_command.footer("Example:\n  photonfarm plan jobs/glass-caustic.toml");
 
-  CLI::App& unit_command = *app.add_subcommand("unit", "trace work units of a farm's job again and print the hashes of their sums");
+  CLI::App& unit_command =
+      *app.add_subcommand("unit", "trace work units of a farm's job again and print the hashes of their sums");
   add_common(unit_command);
-  unit_command.add_option("--units", options.units, "units that one result brought: FIRST:COUNT,FIRST:COUNT...; may come again")
+  unit_command
+      .add_option("--units", options.units, "units that one result brought: FIRST:COUNT,FIRST:COUNT...; may come again")
       ->required()
       ->take_all()
       ->allow_extra_args(false);
-  unit_command.add_option("--checkpoint", options.checkpoint, "the farm's checkpoint of the job: holds the radii of the open round");
+  unit_command.add_option("--checkpoint", options.checkpoint,
+                          "the farm's checkpoint of the job: holds the radii of the open round");
   unit_command.add_option("--threads", options.threads, "number of threads; 0: all")->check(CLI::Range(0, 1024));
   unit_command.footer("Example:\n  photonfarm-worker unit job.toml --units 0:4,8:2 --json");
 

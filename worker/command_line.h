@@ -11,7 +11,7 @@ namespace pf {
 struct WorkerContext {
   std::ostream& out;
   std::ostream& err;
-  bool terminal = false;                       ///< standard error is one: progress is a bar
+  bool terminal = false;  ///< standard error is one: progress is a bar
   int columns = 80;
   const std::atomic<bool>* interrupted = nullptr;
 };

@@ -42,8 +42,7 @@ std::string ProgressReporter::line(const Progress& p, double elapsed) const {
   }
   // What a checkpoint had done took none of this process's time.
   double at_start = 0.0;
-  if (p.passes_total > 0)
-    at_start = static_cast<double>(passes_at_start_) / static_cast<double>(p.passes_total);
+  if (p.passes_total > 0) at_start = static_cast<double>(passes_at_start_) / static_cast<double>(p.passes_total);
   if (fraction > at_start && fraction < 1.0) {
     const double by_work = elapsed * (1.0 - fraction) / (fraction - at_start);
     const double left = p.seconds_limit > 0 ? std::min(by_work, p.seconds_limit - elapsed) : by_work;

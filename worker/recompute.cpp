@@ -79,8 +79,7 @@ Result<std::string> recompute(const RecomputeRequest& request, const Clock& cloc
   const auto job = load_job_scene(request.spec, clock);
   if (!job) return tl::unexpected(job.error());
   Film first(job->integrator->film_options());
-  if (auto radii = job->integrator->initial_radii(); !radii.empty())
-    first.set_initial_radii(std::move(radii));
+  if (auto radii = job->integrator->initial_radii(); !radii.empty()) first.set_initial_radii(std::move(radii));
   std::optional<Film> open;
   if (!request.checkpoint.empty()) {
     auto loaded = load_film(*job, request.checkpoint);
@@ -106,18 +105,15 @@ Result<std::string> recompute(const RecomputeRequest& request, const Clock& cloc
     return {};
   });
   if (!state) return tl::unexpected(state.error());
-  return json{{"results", std::move(results)}, {"state_bytes", first.state().empty() ? 0 : state_bytes}}.dump(
-      2);
+  return json{{"results", std::move(results)}, {"state_bytes", first.state().empty() ? 0 : state_bytes}}.dump(2);
 }
 
 }  // namespace
 
 Result<std::string> recompute_units(const RecomputeRequest& request, const Clock& clock) {
-  const int threads = request.threads > 0
-                          ? request.threads
-                          : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                  static_cast<std::size_t>(threads));
+  const int threads =
+      request.threads > 0 ? request.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
   tbb::task_arena arena(threads);
   Result<std::string> result = fail(ErrorKind::kInternal, "not run");
   arena.execute([&] { result = recompute(request, clock); });

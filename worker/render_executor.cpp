@@ -57,14 +57,16 @@ void RenderExecutor::serve() {
 }
 
 Result<std::shared_ptr<const LoadedJob>> RenderExecutor::loaded(const Work& work) {
-  const auto known = std::find_if(scenes_.begin(), scenes_.end(), [&](const auto& s) { return s.first == work.bundle; });
+  const auto known =
+      std::find_if(scenes_.begin(), scenes_.end(), [&](const auto& s) { return s.first == work.bundle; });
   if (known != scenes_.end()) {
     std::rotate(scenes_.begin(), known, known + 1);
     return scenes_.front().second;
   }
   if (!work.spec.cache.file.empty()) {
     return fail(ErrorKind::kInvalidSpec,
-                "cache.file: workers of a farm share no files, and the image would depend on each one's; expected no cache.file, or "
+                "cache.file: workers of a farm share no files, and the image would depend on each one's; expected no "
+                "cache.file, or "
                 "photonfarm render");
   }
   if (scenes_.size() >= kScenes) scenes_.pop_back();

@@ -16,8 +16,8 @@
 
 namespace pf {
 
-/// Prepares and traces with the integrators themselves, on a thread of its own that uses `threads` threads. Keeps the scenes of
-/// the latest jobs.
+/// Prepares and traces with the integrators themselves, on a thread of its own that uses `threads` threads. Keeps the
+/// scenes of the latest jobs.
 class RenderExecutor final : public Executor {
  public:
   /// `done` is called on the executor's thread.

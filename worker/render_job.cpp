@@ -76,7 +76,8 @@ class Rendering {
     std::error_code code;
     std::filesystem::create_directories(request_.out, code);
     if (code) {
-      return fail(ErrorKind::kUsage, fmt::format("--out {}: cannot be made: {}", request_.out.string(), code.message()));
+      return fail(ErrorKind::kUsage,
+                  fmt::format("--out {}: cannot be made: {}", request_.out.string(), code.message()));
     }
     if (request_.resume) {
       auto loaded = Film::load(paths_.checkpoint, identity_of(job_));
@@ -95,8 +96,10 @@ class Rendering {
     const JobSpec::Stop& stop = job_.spec.stop;
     const std::uint64_t done = film_.sub_passes();
     if (stop.passes > 0 && done >= film_.order().sub_passes(static_cast<std::uint64_t>(stop.passes))) return true;
-    if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error) return true;
-    if (stop.memory > 0 && done > 0 && peak_resident_bytes() > static_cast<std::uint64_t>(stop.memory) << 20) return true;
+    if (stop.error > 0 && done >= 2 && done == film_.round_begin() && film_.estimated_error() <= stop.error)
+      return true;
+    if (stop.memory > 0 && done > 0 && peak_resident_bytes() > static_cast<std::uint64_t>(stop.memory) << 20)
+      return true;
     if (stop.seconds <= 0 || done == 0) return false;
     if (snapshots_.wanted() && !Snapshots::whole(film_)) return false;  // it could not be judged
     return seconds_after_next(done_here) > stop.seconds;
@@ -139,9 +142,10 @@ class Rendering {
   }
   Result<RenderResult> interrupted() {
     if (auto saved = save(); !saved) return tl::unexpected(saved.error());
-    return fail(ErrorKind::kInterrupted,
-                fmt::format("{}: interrupted after {} passes; {} is left: the same command with --resume goes on",
-                            job_.spec.job.name, film_.order().mean_passes(film_.sub_passes()), paths_.checkpoint.string()));
+    return fail(
+        ErrorKind::kInterrupted,
+        fmt::format("{}: interrupted after {} passes; {} is left: the same command with --resume goes on",
+                    job_.spec.job.name, film_.order().mean_passes(film_.sub_passes()), paths_.checkpoint.string()));
   }
 
   Result<RenderResult> write() {
@@ -252,7 +256,8 @@ Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   auto job = plan_job(spec, clock);
   if (!job) return job;
   const double start = clock.now();
-  job->integrator = make_integrator(job->plan.algorithm, *job->scene, *job->camera, job->plan.resolve(spec), std::move(job->parts));
+  job->integrator =
+      make_integrator(job->plan.algorithm, *job->scene, *job->camera, job->plan.resolve(spec), std::move(job->parts));
   job->load_seconds += clock.now() - start;
   return job;
 }

@@ -47,9 +47,9 @@ struct RenderRequest {
   JobSpec spec;
   std::filesystem::path out = ".";
   bool resume = false;
-  int threads = 0;                              ///< 0: all of the machine
+  int threads = 0;  ///< 0: all of the machine
   const std::atomic<bool>* interrupted = nullptr;
-  SnapshotPlan snapshots = {};                  ///< images written on the way, for photonfarm bench
+  SnapshotPlan snapshots = {};  ///< images written on the way, for photonfarm bench
 };
 
 /// Renders a job on this machine: rounds of sub-passes until the first stop condition, checkpoints on the way, then

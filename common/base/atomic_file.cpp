@@ -60,9 +60,7 @@ tl::unexpected<Error> system_failure(ErrorKind kind, const fs::path& file, std::
   return fail(kind, fmt::format("{}: {}: {}", file.string(), what, std::generic_category().message(error)));
 }
 
-fs::path folder_of(const fs::path& file) {
-  return file.has_parent_path() ? file.parent_path() : fs::path(".");
-}
+fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
 
 /// `.NAME.<random>.tmp.EXT`: hidden, recognisable, and with the extension by which image libraries choose a
 /// format.
@@ -83,8 +81,7 @@ struct TemporaryName {
   [[nodiscard]] bool matches(std::string_view name) const {
     if (name.size() != before.size() + kDigits + after.size()) return false;
     if (!name.starts_with(before) || !name.ends_with(after)) return false;
-    return name.substr(before.size(), kDigits).find_first_not_of("0123456789abcdef") ==
-           std::string_view::npos;
+    return name.substr(before.size(), kDigits).find_first_not_of("0123456789abcdef") == std::string_view::npos;
   }
 };
 
@@ -149,8 +146,7 @@ bool sync_folder(const fs::path& folder) {
 
 Result<void> write_file_atomically(const fs::path& file, const FileWriter& write, FileAccess access) {
   if (!file.has_filename()) {
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: cannot write; expected the name of a file", file.string()));
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot write; expected the name of a file", file.string()));
   }
   const TemporaryName name(file);
   remove_leftovers(folder_of(file), name);
@@ -166,8 +162,7 @@ Result<void> write_file_atomically(const fs::path& file, const FileWriter& write
   }
   if (!temporary.rename_to(file)) return system_failure(ErrorKind::kInternal, file, "cannot replace");
   if (!sync_folder(folder_of(file))) {
-    return system_failure(ErrorKind::kInternal, file,
-                          "written, but a power cut may lose it: cannot sync its folder");
+    return system_failure(ErrorKind::kInternal, file, "written, but a power cut may lose it: cannot sync its folder");
   }
   return {};
 }
@@ -183,8 +178,7 @@ Result<void> write_file_atomically(const fs::path& file, std::string_view bytes,
   return write_file_atomically(file, write, access);
 }
 
-Result<void> write_file_atomically(const fs::path& file, std::span<const std::byte> bytes,
-                                   FileAccess access) {
+Result<void> write_file_atomically(const fs::path& file, std::span<const std::byte> bytes, FileAccess access) {
   // char may alias anything, so this view of the bytes is well defined.
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   return write_file_atomically(file, text, access);
@@ -201,8 +195,7 @@ Result<std::string> read_file(const fs::path& file, std::uint64_t max_bytes, Err
   }
   const auto size = static_cast<std::uint64_t>(status.st_size);
   const auto too_large = [&] {
-    return fail(kind,
-                fmt::format("{}: larger than {} bytes; expected at most that", file.string(), max_bytes));
+    return fail(kind, fmt::format("{}: larger than {} bytes; expected at most that", file.string(), max_bytes));
   };
   if (size > max_bytes) return too_large();
 

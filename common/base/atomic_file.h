@@ -27,8 +27,7 @@ enum class FileAccess {
 /// never one that a living process is writing. Errors: kInternal.
 [[nodiscard]] Result<void> write_file_atomically(const std::filesystem::path& file, std::string_view bytes,
                                                  FileAccess access = FileAccess::kByUmask);
-[[nodiscard]] Result<void> write_file_atomically(const std::filesystem::path& file,
-                                                 std::span<const std::byte> bytes,
+[[nodiscard]] Result<void> write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes,
                                                  FileAccess access = FileAccess::kByUmask);
 
 /// Writes the file at the path that it is given. That file exists already, empty, and is locked: it must be

@@ -21,14 +21,12 @@ namespace pf {
     const std::string type = option->get_type_name();
     const std::size_t open = type.find('{'), close = type.find('}');
     nlohmann::json choices = nlohmann::json::array();
-    for (std::size_t from = open + 1;
-         open != std::string::npos && close != std::string::npos && from < close;) {
+    for (std::size_t from = open + 1; open != std::string::npos && close != std::string::npos && from < close;) {
       const std::size_t comma = std::min(type.find(',', from), close);
       choices.push_back(type.substr(from, comma - from));
       from = comma + 1;
     }
-    options.push_back(
-        {{"names", names}, {"takes", option->get_items_expected_max() > 0}, {"choices", choices}});
+    options.push_back({{"names", names}, {"takes", option->get_items_expected_max() > 0}, {"choices", choices}});
   }
   nlohmann::json commands = nlohmann::json::object();
   for (const CLI::App* command : app.get_subcommands({})) commands[command->get_name()] = cli_tree(*command);

@@ -11,9 +11,9 @@
 
 namespace pf {
 
-/// A bounded queue from many threads to one: what happened outside, on its way to the thread that owns a core. Bounded by the
-/// number of events and by the bytes that their producers say they hold, so that a slow consumer holds its producers up
-/// instead of filling memory. An event larger than the whole bound is taken when the queue is empty.
+/// A bounded queue from many threads to one: what happened outside, on its way to the thread that owns a core. Bounded
+/// by the number of events and by the bytes that their producers say they hold, so that a slow consumer holds its
+/// producers up instead of filling memory. An event larger than the whole bound is taken when the queue is empty.
 template <typename Event>
 class EventQueue {
  public:

@@ -70,8 +70,8 @@ Log::Log(LogLevel least) : Log(least, std::make_shared<spdlog::sinks::stderr_sin
 
 Log::Log(LogLevel least, std::shared_ptr<spdlog::sinks::sink> sink)
     : logger_(std::make_shared<spdlog::logger>("photonfarm", std::move(sink))) {
-  logger_->set_formatter(std::make_unique<spdlog::pattern_formatter>("%Y-%m-%dT%H:%M:%S.%eZ %l %v",
-                                                                     spdlog::pattern_time_type::utc));
+  logger_->set_formatter(
+      std::make_unique<spdlog::pattern_formatter>("%Y-%m-%dT%H:%M:%S.%eZ %l %v", spdlog::pattern_time_type::utc));
   logger_->set_level(to_spdlog(least));
   logger_->flush_on(spdlog::level::trace);
 }

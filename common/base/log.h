@@ -24,8 +24,7 @@ struct LogField {
   std::string value;
 
   template <typename T>
-  LogField(std::string_view field_key, const T& field_value)
-      : key(field_key), value(fmt::format("{}", field_value)) {}
+  LogField(std::string_view field_key, const T& field_value) : key(field_key), value(fmt::format("{}", field_value)) {}
 };
 
 /// Structured log: one line per event on standard error,

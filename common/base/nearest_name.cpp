@@ -7,8 +7,7 @@
 namespace pf {
 namespace {
 
-constexpr std::size_t kMaxLength =
-    100;  // longer names are no typing errors, and the distance costs length squared
+constexpr std::size_t kMaxLength = 100;  // longer names are no typing errors, and the distance costs length squared
 
 char fold(char c) {
   if (c == '-') return '_';
@@ -24,8 +23,7 @@ std::size_t distance(std::string_view a, std::string_view b) {
     for (std::size_t j = 1; j <= b.size(); ++j) {
       const bool same = fold(a[i - 1]) == fold(b[j - 1]);
       row[j] = std::min({last[j] + 1, row[j - 1] + 1, last[j - 1] + (same ? 0 : 1)});
-      const bool swapped =
-          i > 1 && j > 1 && fold(a[i - 1]) == fold(b[j - 2]) && fold(a[i - 2]) == fold(b[j - 1]);
+      const bool swapped = i > 1 && j > 1 && fold(a[i - 1]) == fold(b[j - 2]) && fold(a[i - 2]) == fold(b[j - 1]);
       if (swapped) row[j] = std::min(row[j], before[j - 2] + 1);
     }
     std::swap(before, last);

@@ -13,7 +13,6 @@ namespace pf {
 /// wins.
 [[nodiscard]] std::optional<std::string_view> nearest_name(std::string_view name,
                                                            std::span<const std::string_view> valid);
-[[nodiscard]] std::optional<std::string_view> nearest_name(std::string_view name,
-                                                           std::span<const std::string> valid);
+[[nodiscard]] std::optional<std::string_view> nearest_name(std::string_view name, std::span<const std::string> valid);
 
 }  // namespace pf

@@ -1,8 +1,8 @@
 // Parallel loops: the one door to oneTBB's scheduler.
 //
-// Debian's libtbb is not instrumented, so the thread sanitizer cannot see how it hands work from thread to thread and calls
-// every loop a race. A build under that sanitizer runs the same loop bodies on plain threads, where a race that it reports
-// is a race of the body.
+// Debian's libtbb is not instrumented, so the thread sanitizer cannot see how it hands work from thread to thread and
+// calls every loop a race. A build under that sanitizer runs the same loop bodies on plain threads, where a race that
+// it reports is a race of the body.
 #pragma once
 
 #ifdef __SANITIZE_THREAD__
@@ -51,8 +51,8 @@ void parallel_ranges(std::size_t count, std::size_t grain, const Body& body) {
 
 #else
 
-/// Calls `body(begin, end)` on ranges that together are [0, count), each of about `grain` or more items; returns after the
-/// last. Ranges run in any order and at once. An exception of a body ends the loop and is thrown on.
+/// Calls `body(begin, end)` on ranges that together are [0, count), each of about `grain` or more items; returns after
+/// the last. Ranges run in any order and at once. An exception of a body ends the loop and is thrown on.
 template <class Body>
 void parallel_ranges(std::size_t count, std::size_t grain, const Body& body) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, grain),

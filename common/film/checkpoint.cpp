@@ -1,17 +1,18 @@
 // Checkpoint of a film, little-endian:
 //   8 bytes   "PFCKPT05"
-//   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), 64 bytes of the
+//   one zstd frame of: u32 length and bytes of identity, u32 length and bytes of attachment, Header (below), 64 bytes
+//   of the
 //             rounds' chain, then the states, the pixel sums, the features, the extras and the biases, packed
 //   64 bytes  SHA-256 of everything before, hexadecimal
-// A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there. Both ways stream: beside
-// the film itself no more than a buffer is held.
+// A file that ends early or has any other bit wrong is refused: a checkpoint is whole or not there. Both ways stream:
+// beside the film itself no more than a buffer is held.
 
 #include <bit>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <memory>
 #include <span>
+#include <system_error>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -183,12 +184,29 @@ bool is_sane(const Header& h) {
 
 }  // namespace
 
-Result<void> Film::save(const std::filesystem::path& file, const std::string& identity, const std::string& attachment) const {
-  const Header header{options_.width, options_.height, static_cast<std::uint32_t>(options_.estimator), has_radii_,
-                      static_cast<std::uint32_t>(options_.extra), options_.part_edge, options_.hit_points, 0,
-                      options_.scale.radiance, options_.scale.flow, options_.scale.square, options_.scale.depth,
-                      options_.alpha, options_.round_growth, round_begin_, rounds_, sums_.sub_passes,
-                      sums_.photon_paths, sums_.photons_stored, sums_.rays, sums_.faults.not_finite,
+Result<void> Film::save(const std::filesystem::path& file, const std::string& identity,
+                        const std::string& attachment) const {
+  const Header header{options_.width,
+                      options_.height,
+                      static_cast<std::uint32_t>(options_.estimator),
+                      has_radii_,
+                      static_cast<std::uint32_t>(options_.extra),
+                      options_.part_edge,
+                      options_.hit_points,
+                      0,
+                      options_.scale.radiance,
+                      options_.scale.flow,
+                      options_.scale.square,
+                      options_.scale.depth,
+                      options_.alpha,
+                      options_.round_growth,
+                      round_begin_,
+                      rounds_,
+                      sums_.sub_passes,
+                      sums_.photon_paths,
+                      sums_.photons_stored,
+                      sums_.rays,
+                      sums_.faults.not_finite,
                       sums_.faults.overflow};
   return write_file_atomically(file, [&](const std::filesystem::path& temporary) -> Result<void> {
     Writer out(temporary);
@@ -202,13 +220,16 @@ Result<void> Film::save(const std::filesystem::path& file, const std::string& id
     out.put(sums_.extras.data(), sums_.extras.size());
     out.put(bias_.data(), bias_.size());
     if (out.finish()) return {};
-    return fail(ErrorKind::kInternal, fmt::format("{}: cannot write: {}", file.string(), std::strerror(errno)));
+    return fail(ErrorKind::kInternal,
+                fmt::format("{}: cannot write: {}", file.string(), std::generic_category().message(errno)));
   });
 }
 
 Result<Film> Film::load(const std::filesystem::path& file, const std::string& identity, std::string* attachment) {
   const File stream(std::fopen(file.c_str(), "rb"));
-  if (!stream) return fail(ErrorKind::kInvalidInput, fmt::format("{}: cannot read: {}", file.string(), std::strerror(errno)));
+  if (!stream)
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: cannot read: {}", file.string(), std::generic_category().message(errno)));
   const auto broken = [&](std::string_view why) {
     return fail(ErrorKind::kInvalidInput, fmt::format("{}: not a whole checkpoint: {}", file.string(), why));
   };
@@ -226,7 +247,8 @@ Result<Film> Film::load(const std::filesystem::path& file, const std::string& id
   Film film(FilmOptions{h.width, h.height, static_cast<Estimator>(h.estimator),
                         SumScale{h.radiance, h.flow, h.square, h.depth}, h.alpha, h.round_growth,
                         static_cast<Extra>(h.extra), h.part_edge, h.hit_points});
-  if (!in.take(film.chain_.data(), film.chain_.size()) || !in.take(film.state_.data(), film.state_.size()) || !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
+  if (!in.take(film.chain_.data(), film.chain_.size()) || !in.take(film.state_.data(), film.state_.size()) ||
+      !in.take(film.sums_.pixels.data(), film.sums_.pixels.size()) ||
       !in.take(film.sums_.features.data(), film.sums_.features.size()) ||
       !in.take(film.sums_.extras.data(), film.sums_.extras.size()) || !in.take(film.bias_.data(), film.bias_.size()) ||
       !in.at_end()) {

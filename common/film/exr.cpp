@@ -22,9 +22,7 @@ namespace {
 /// Rows decoded at a time: the largest chunk of any compression (DWAB), so that none is decoded twice.
 constexpr int kRowsAtOnce = 256;
 
-[[nodiscard]] tl::unexpected<Error> unreadable(const std::string& what) {
-  return fail(ErrorKind::kInvalidInput, what);
-}
+[[nodiscard]] tl::unexpected<Error> unreadable(const std::string& what) { return fail(ErrorKind::kInvalidInput, what); }
 
 /// Where a channel of the file goes.
 struct Target {
@@ -43,8 +41,7 @@ struct Target {
 
 /// Groups channels `<layer>.<channel>` into the layers of `image`, still without pixels.
 [[nodiscard]] std::vector<Target> lay_out(const Imf::ChannelList& channels, LayeredImage& image) {
-  std::map<std::string, std::vector<std::pair<std::string, std::string>>>
-      layers;  // layer -> (channel, full name)
+  std::map<std::string, std::vector<std::pair<std::string, std::string>>> layers;  // layer -> (channel, full name)
   for (auto it = channels.begin(); it != channels.end(); ++it) {
     const std::string name = it.name();
     const std::size_t dot = name.rfind('.');
@@ -76,8 +73,7 @@ struct Extent {
   return {std::int64_t{window.max.x} - window.min.x + 1, std::int64_t{window.max.y} - window.min.y + 1};
 }
 
-[[nodiscard]] Result<void> check_window(const Imath::Box2i& window, std::string_view name,
-                                        std::size_t channels) {
+[[nodiscard]] Result<void> check_window(const Imath::Box2i& window, std::string_view name, std::size_t channels) {
   const auto [width, height] = extent(window);
   if (width <= 0 || height <= 0) return unreadable(fmt::format("the {} window is empty", name));
   if (width > kMaxImageEdge || height > kMaxImageEdge ||
@@ -92,8 +88,8 @@ struct Extent {
 
 [[nodiscard]] Result<void> check_header(const Imf::Header& header) {
   if (header.hasType() && header.type() != Imf::SCANLINEIMAGE && header.type() != Imf::TILEDIMAGE) {
-    return unreadable(fmt::format("holds '{}'; expected a flat image, '{}' or '{}'", header.type(),
-                                  Imf::SCANLINEIMAGE, Imf::TILEDIMAGE));
+    return unreadable(fmt::format("holds '{}'; expected a flat image, '{}' or '{}'", header.type(), Imf::SCANLINEIMAGE,
+                                  Imf::TILEDIMAGE));
   }
   std::size_t channels = 0;
   for (auto it = header.channels().begin(); it != header.channels().end(); ++it) ++channels;
@@ -147,8 +143,7 @@ void allocate(LayeredImage& image, const LayerChoice& only = {}) {
   const Imath::V2i origin = header.displayWindow().min;
   const Imath::Box2i wanted = overlap(header);
   const int columns = data.max.x - data.min.x + 1;
-  const int step =
-      header.hasTileDescription() ? static_cast<int>(header.tileDescription().ySize) : kRowsAtOnce;
+  const int step = header.hasTileDescription() ? static_cast<int>(header.tileDescription().ySize) : kRowsAtOnce;
   const std::size_t plane = std::size_t{1} * columns * std::min(step, data.max.y - data.min.y + 1);
   Imf::InputPart part(input, 0);
   std::vector<float> rows(plane * targets.size());
@@ -159,8 +154,8 @@ void allocate(LayeredImage& image, const LayerChoice& only = {}) {
     if (first > last || wanted.min.x > wanted.max.x) continue;
     Imf::FrameBuffer frame;
     for (std::size_t t = 0; t < targets.size(); ++t) {
-      frame.insert(targets[t].file_name, Imf::Slice::Make(Imf::FLOAT, rows.data() + plane * t,
-                                                          {data.min.x, first}, columns, last - first + 1));
+      frame.insert(targets[t].file_name, Imf::Slice::Make(Imf::FLOAT, rows.data() + plane * t, {data.min.x, first},
+                                                          columns, last - first + 1));
     }
     part.setFrameBuffer(frame);
     part.readPixels(first, last);
@@ -191,23 +186,21 @@ void allocate(LayeredImage& image, const LayerChoice& only = {}) {
   const Imath::Box2i wanted = overlap(input.header());
   const bool alpha = (input.channels() & Imf::WRITE_A) != 0;
   if ((input.channels() & Imf::WRITE_YC) != Imf::WRITE_YC) {
-    return unreadable(
-        "has subsampled channels; expected all channels in full, or luminance and chroma Y, RY, BY");
+    return unreadable("has subsampled channels; expected all channels in full, or luminance and chroma Y, RY, BY");
   }
   const std::size_t columns = std::size_t{1} * (data.max.x - data.min.x + 1);
   std::vector<Imf::Rgba> pixels(columns * (data.max.y - data.min.y + 1));
   input.setFrameBuffer(Imf::ComputeBasePointer(pixels.data(), data), 1, columns);
   input.readPixels(data.min.y, data.max.y);
-  Layer layer{
-      "", alpha ? std::vector<std::string>{"R", "G", "B", "A"} : std::vector<std::string>{"R", "G", "B"}, {}};
+  Layer layer{"", alpha ? std::vector<std::string>{"R", "G", "B", "A"} : std::vector<std::string>{"R", "G", "B"}, {}};
   const std::size_t channels = layer.channels.size();
   image.layers.push_back(std::move(layer));
   allocate(image);
   for (int y = wanted.min.y; y <= wanted.max.y; ++y) {
     for (int x = wanted.min.x; x <= wanted.max.x; ++x) {
       const Imf::Rgba& pixel = pixels[columns * (y - data.min.y) + (x - data.min.x)];
-      float* to = image.layers[0].data.data() +
-                  (std::size_t{1} * (y - origin.y) * image.width + (x - origin.x)) * channels;
+      float* to =
+          image.layers[0].data.data() + (std::size_t{1} * (y - origin.y) * image.width + (x - origin.x)) * channels;
       to[0] = pixel.r;
       to[1] = pixel.g;
       to[2] = pixel.b;
@@ -236,8 +229,7 @@ void allocate(LayeredImage& image, const LayerChoice& only = {}) {
     if (text == nullptr || !name.starts_with(kExrAttributePrefix)) continue;
     image.metadata.emplace(name.substr(kExrAttributePrefix.size()), text->value());
   }
-  if (has_chroma(header.channels()) || is_subsampled(header.channels()))
-    return read_chroma(file, std::move(image));
+  if (has_chroma(header.channels()) || is_subsampled(header.channels())) return read_chroma(file, std::move(image));
   return read_layers(input, std::move(image), only);
 }
 

@@ -29,8 +29,8 @@ class CheckedOutput final : public Imf::OStream {
     if (!stream_) note_failure();
   }
   void write(const char bytes[], int count) override {
-    if (failed() || std::fwrite(bytes, 1, static_cast<std::size_t>(count), stream_.get()) !=
-                        static_cast<std::size_t>(count)) {
+    if (failed() ||
+        std::fwrite(bytes, 1, static_cast<std::size_t>(count), stream_.get()) != static_cast<std::size_t>(count)) {
       raise();
     }
   }
@@ -76,9 +76,8 @@ class CheckedOutput final : public Imf::OStream {
   for (const Layer& layer : layers) {
     const std::size_t expected = layer.channels.size() * pixels;
     if (layer.channels.empty() || layer.data.size() != expected) {
-      return fail(ErrorKind::kInternal,
-                  fmt::format("layer '{}' has {} channels and {} floats; expected {} floats", layer.name,
-                              layer.channels.size(), layer.data.size(), expected));
+      return fail(ErrorKind::kInternal, fmt::format("layer '{}' has {} channels and {} floats; expected {} floats",
+                                                    layer.name, layer.channels.size(), layer.data.size(), expected));
     }
     for (const std::string& channel : layer.channels) {
       const std::string name = channel_name(layer, channel);
@@ -112,9 +111,9 @@ class CheckedOutput final : public Imf::OStream {
   for (const Layer& layer : layers) {
     const std::size_t stride = layer.channels.size() * sizeof(float);
     for (std::size_t i = 0; i < layer.channels.size(); ++i) {
-      frame.insert(channel_name(layer, layer.channels[i]),
-                   Imf::Slice::Make(Imf::FLOAT, layer.data.data() + i, {0, first}, width, count, stride,
-                                    stride * width));
+      frame.insert(
+          channel_name(layer, layer.channels[i]),
+          Imf::Slice::Make(Imf::FLOAT, layer.data.data() + i, {0, first}, width, count, stride, stride * width));
     }
   }
   return frame;
@@ -158,7 +157,8 @@ Result<void> write_exr(const std::filesystem::path& file, const ImageRows& image
 
 Result<void> write_exr(const std::filesystem::path& file, const LayeredImage& image) {
   // Here, because what follows reads blocks out of the layers.
-  if (auto ok = check_layers(image.layers, std::size_t{1} * std::max(image.width, 0) * std::max(image.height, 0)); !ok) {
+  if (auto ok = check_layers(image.layers, std::size_t{1} * std::max(image.width, 0) * std::max(image.height, 0));
+      !ok) {
     return fail(ErrorKind::kInternal, fmt::format("{}: EXR not written: {}", file.string(), ok.error().message));
   }
   return write_exr(file, rows_of(image));

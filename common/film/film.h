@@ -40,8 +40,9 @@ class Film {
   /// The barrier: when the open round is complete, folds its flow into the state and opens the next one.
   void close_round_if_complete();
 
-  /// What the closed rounds did, as one hash: SHA-256 over the link before it and the state that each round left. Two runs of equal
-  /// chains had equal states at every barrier; where they part tells the round. 64 zeros before the first barrier.
+  /// What the closed rounds did, as one hash: SHA-256 over the link before it and the state that each round left. Two
+  /// runs of equal chains had equal states at every barrier; where they part tells the round. 64 zeros before the first
+  /// barrier.
   [[nodiscard]] const std::string& round_chain() const { return chain_; }
   /// The same with one link more, the sums that no round has folded in yet: names the film as it is.
   [[nodiscard]] std::string state_chain() const;
@@ -53,8 +54,8 @@ class Film {
   /// Estimated square root of the mean relative squared error (variance only), as compare's relMSE weighs it.
   [[nodiscard]] double estimated_error() const;
 
-  /// Checkpoints: exact, whatever the moment; `identity` names job and scene and must match when read back. `attachment` is
-  /// the caller's own text, kept with the film in one atomic step.
+  /// Checkpoints: exact, whatever the moment; `identity` names job and scene and must match when read back.
+  /// `attachment` is the caller's own text, kept with the film in one atomic step.
   [[nodiscard]] Result<void> save(const std::filesystem::path& file, const std::string& identity,
                                   const std::string& attachment = {}) const;
   [[nodiscard]] static Result<Film> load(const std::filesystem::path& file, const std::string& identity,
@@ -74,6 +75,7 @@ class Film {
   [[nodiscard]] PixelEstimate estimate(std::size_t pixel) const;
   [[nodiscard]] FlowState closed(std::size_t point, Flow flow) const;
   [[nodiscard]] float closed_bias(std::size_t point, Flow flow) const;
+  void close_round_at(std::size_t point);
   [[nodiscard]] std::vector<Layer> layers(int first_row, int rows) const;
   /// Radiance of a sum of flux at a hit point that had `samples` eye samples and now has this state.
   [[nodiscard]] double radiance_factor(const FlowState& state, double samples) const;

@@ -8,9 +8,9 @@ namespace pf {
 
 /// How pixel sums become radiance.
 enum class Estimator : std::uint8_t {
-  kPath,         ///< mean of radiance samples
-  kShared,       ///< progressive photon mapping, radii shared by the sub-passes of a round
-  kIndependent   ///< photon mapping averaged over sub-passes of shrinking, preset radii
+  kPath,        ///< mean of radiance samples
+  kShared,      ///< progressive photon mapping, radii shared by the sub-passes of a round
+  kIndependent  ///< photon mapping averaged over sub-passes of shrinking, preset radii
 };
 
 struct FilmOptions {

@@ -116,9 +116,7 @@ template <typename F>
   Kernel kernel;
   for (int x = -radius; x <= radius; ++x) {
     const double value = f(x);
-    kernel.taps.push_back(static_cast<float>(value > 0.0   ? value / positive
-                                             : value < 0.0 ? -value / negative
-                                                           : 0.0));
+    kernel.taps.push_back(static_cast<float>(value > 0.0 ? value / positive : value < 0.0 ? -value / negative : 0.0));
   }
   return kernel;
 }
@@ -135,8 +133,7 @@ constexpr std::array<Sensitivity, 2> kBlueYellow = {{{34.1, 0.04}, {13.5, 0.025}
 constexpr double kWidestSensitivity = 0.04;  // largest b
 
 /// The two-dimensional filter as a sum of separable ones; all together sum to 1.
-[[nodiscard]] std::vector<SeparableFilter> sensitivity_filters(std::span<const Sensitivity> terms,
-                                                               double ppd) {
+[[nodiscard]] std::vector<SeparableFilter> sensitivity_filters(std::span<const Sensitivity> terms, double ppd) {
   using std::numbers::pi;
   const int radius = static_cast<int>(std::ceil(3.0 * std::sqrt(kWidestSensitivity / (2.0 * pi * pi)) * ppd));
   std::vector<SeparableFilter> filters;
@@ -180,8 +177,7 @@ struct Percept {
   Plane edge, point;
 };
 
-[[nodiscard]] Plane gradient_length(const Plane& luminance, const Kernel& derivative, const Kernel& smooth,
-                                    Size size) {
+[[nodiscard]] Plane gradient_length(const Plane& luminance, const Kernel& derivative, const Kernel& smooth, Size size) {
   Plane rows(size.pixels());
   Plane horizontal(size.pixels(), 0.0f);
   Plane vertical(size.pixels(), 0.0f);
@@ -223,8 +219,8 @@ struct Percept {
   for (std::size_t i = 0; i < percept.lab.size(); ++i) {
     const float y = opponent[0][i];
     const Rgb c = xyz_to_rgb({(opponent[1][i] + y) * kWhite[0], y, (y - opponent[2][i]) * kWhite[2]});
-    percept.lab[i] = hunt_adjusted_lab(
-        {std::clamp(c.x, 0.0f, 1.0f), std::clamp(c.y, 0.0f, 1.0f), std::clamp(c.z, 0.0f, 1.0f)});
+    percept.lab[i] =
+        hunt_adjusted_lab({std::clamp(c.x, 0.0f, 1.0f), std::clamp(c.y, 0.0f, 1.0f), std::clamp(c.z, 0.0f, 1.0f)});
   }
   return percept;
 }
@@ -239,8 +235,7 @@ struct Percept {
 }
 
 [[nodiscard]] Plane flip_error(const Percept& a, const Percept& b) {
-  const float largest =
-      std::pow(hyab(hunt_adjusted_lab({0, 1, 0}), hunt_adjusted_lab({0, 0, 1})), kColorExponent);
+  const float largest = std::pow(hyab(hunt_adjusted_lab({0, 1, 0}), hunt_adjusted_lab({0, 0, 1})), kColorExponent);
   Plane error(a.lab.size());
   for (std::size_t i = 0; i < error.size(); ++i) {
     const float color = color_error(a.lab[i], b.lab[i], largest);
@@ -293,8 +288,7 @@ void set_exposures(std::span<const Rgb> reference, HdrFlipMap& map) {
     luminances.push_back(luminance({std::max(c.x, 0.0f), std::max(c.y, 0.0f), std::max(c.z, 0.0f)}));
   }
   std::ranges::sort(luminances);
-  const float median =
-      luminances[luminances.size() / 2];  // of two in the middle the larger, as the authors do
+  const float median = luminances[luminances.size() / 2];  // of two in the middle the larger, as the authors do
   // A reference that is mostly black would need no end of stops; the authors' implementation has the same
   // floor.
   constexpr float kFloor = std::numeric_limits<float>::epsilon();
@@ -318,8 +312,7 @@ FlipMap ldr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, int
   };
   const Size size{width, height};
   FlipMap map;
-  map.error =
-      flip_error(perceive(clamped(image), filters, size), perceive(clamped(reference), filters, size));
+  map.error = flip_error(perceive(clamped(image), filters, size), perceive(clamped(reference), filters, size));
   map.mean = mean_of(map.error);
   return map;
 }
@@ -347,10 +340,8 @@ HdrFlipMap hdr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, 
 std::vector<std::uint8_t> magma_colors(std::span<const float> error) {
   // Matt Zucker's polynomials (CC0, shadertoy.com/view/WlfXRN) fitted to matplotlib's magma (CC0).
   static constexpr std::array<std::array<float, 7>, 3> kMagma = {{
-      {-0.002136485f, 0.251660541f, 8.353717279f, -27.668733086f, 52.176139812f, -50.768525365f,
-       18.655705066f},
-      {-0.000749655f, 0.677523244f, -3.577719515f, 14.264730781f, -27.943606072f, 29.046582821f,
-       -11.489773520f},
+      {-0.002136485f, 0.251660541f, 8.353717279f, -27.668733086f, 52.176139812f, -50.768525365f, 18.655705066f},
+      {-0.000749655f, 0.677523244f, -3.577719515f, 14.264730781f, -27.943606072f, 29.046582821f, -11.489773520f},
       {-0.005386128f, 2.494026599f, 0.314467903f, -13.649213188f, 12.944169442f, 4.234152994f, -5.601961509f},
   }};
   std::vector<std::uint8_t> colors;

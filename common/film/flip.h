@@ -30,8 +30,8 @@ struct FlipMap {
 };
 
 /// LDR-FLIP of images whose channels are clamped to [0, 1] first.
-[[nodiscard]] FlipMap ldr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, int width,
-                               int height, float pixels_per_degree = kPixelsPerDegree);
+[[nodiscard]] FlipMap ldr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, int width, int height,
+                               float pixels_per_degree = kPixelsPerDegree);
 
 struct HdrFlipMap : FlipMap {
   float start_exposure = 0.0f;  ///< stops; brightest pixel of the reference just below white
@@ -41,8 +41,8 @@ struct HdrFlipMap : FlipMap {
 
 /// HDR-FLIP: per pixel the largest LDR-FLIP over exposures that show all of the reference, ACES tone-mapped.
 /// Negative values count as 0. Time and memory grow with pixels; time also with the number of exposures.
-[[nodiscard]] HdrFlipMap hdr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, int width,
-                                  int height, float pixels_per_degree = kPixelsPerDegree);
+[[nodiscard]] HdrFlipMap hdr_flip(std::span<const Rgb> image, std::span<const Rgb> reference, int width, int height,
+                                  float pixels_per_degree = kPixelsPerDegree);
 
 /// Colours for a FLIP map: sRGB bytes, three a pixel, of the magma map from black (0) over red to pale yellow
 /// (1).

@@ -38,9 +38,8 @@ Result<std::vector<Rgb>> rgb_pixels(const Layer& layer) {
   const std::size_t g = grey ? 0 : place("G");
   const std::size_t b = grey ? 0 : place("B");
   if (std::max({r, g, b}) >= count) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("layer '{}' has channels {}; expected R, G, B, or Y alone", layer.name,
-                            fmt::join(layer.channels, ", ")));
+    return fail(ErrorKind::kInvalidInput, fmt::format("layer '{}' has channels {}; expected R, G, B, or Y alone",
+                                                      layer.name, fmt::join(layer.channels, ", ")));
   }
   std::vector<Rgb> pixels;
   pixels.reserve(layer.data.size() / count);

@@ -41,8 +41,8 @@ inline constexpr int kImageRowsAtOnce = 4;
 struct ImageRows {
   int width = 0;
   int height = 0;
-  /// The layers of `count` rows from `first` on, beauty first; the same layers for all rows. A writer asks for every row
-  /// once, from the top.
+  /// The layers of `count` rows from `first` on, beauty first; the same layers for all rows. A writer asks for every
+  /// row once, from the top.
   std::function<std::vector<Layer>(int first, int count)> rows;
   std::map<std::string, std::string> metadata;
 };
@@ -65,14 +65,15 @@ inline constexpr std::uint64_t kMaxImageFloats = std::uint64_t{1} << 29;
 /// B of half precision. Deep data, and subsampled channels of other names, are refused. Errors: kInvalidInput
 /// naming the file.
 /// Given `only`, the name of a layer, the others have channels but no data.
-[[nodiscard]] Result<LayeredImage> read_exr(const std::filesystem::path& file, const std::optional<std::string>& only = {});
+[[nodiscard]] Result<LayeredImage> read_exr(const std::filesystem::path& file,
+                                            const std::optional<std::string>& only = {});
 
 /// The colours of a layer that has channels R, G and B, or of a grey one with Y alone. Errors: kInvalidInput,
 /// without the file's name.
 [[nodiscard]] Result<std::vector<Rgb>> rgb_pixels(const Layer& layer);
 
-/// Writes the first layer (beauty) as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve. Atomic. A
-/// pixel with a NaN becomes magenta, so that it is seen. Errors: kInternal.
+/// Writes the first layer (beauty) as 8-bit sRGB PNG: 2^exposure, then a filmic-free clamp to [0,1], sRGB curve.
+/// Atomic. A pixel with a NaN becomes magenta, so that it is seen. Errors: kInternal.
 [[nodiscard]] Result<void> write_png(const std::filesystem::path& file, const ImageRows& image, float exposure_stops);
 /// Writes sRGB-encoded bytes, three a pixel, as PNG. Atomic. Errors: kInternal.
 [[nodiscard]] Result<void> write_png(const std::filesystem::path& file, int width, int height,

@@ -8,8 +8,7 @@
 namespace pf {
 namespace {
 
-constexpr double kRelativeFloor =
-    0.01;  // added to r^2, and to |x| + |r|: keeps dark pixels from ruling the mean
+constexpr double kRelativeFloor = 0.01;  // added to r^2, and to |x| + |r|: keeps dark pixels from ruling the mean
 constexpr double kTrimmedShare = 0.001;
 
 [[nodiscard]] ErrorMetrics::Count inspect(std::span<const Rgb> pixels) {

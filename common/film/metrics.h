@@ -11,14 +11,13 @@ namespace pf {
 /// runs over all pixels and the three channels unless said otherwise. Sums are taken in pixel order in double
 /// precision.
 struct ErrorMetrics {
-  double relative_mse = 0.0;  ///< mean of (x - r)^2 / (r^2 + 0.01)
-  double relative_mse_trimmed =
-      0.0;                  ///< the same without the worst 0.1 % of pixels (rounded up; one always stays)
-  double rmse = 0.0;        ///< square root of the mean of (x - r)^2
-  double mae = 0.0;         ///< mean of |x - r|
-  double smape = 0.0;       ///< mean of |x - r| / (|x| + |r| + 0.01)
-  double max_error = 0.0;   ///< largest |x - r|
-  double mean_ratio = 0.0;  ///< mean of x over mean of r; NaN where both are black
+  double relative_mse = 0.0;          ///< mean of (x - r)^2 / (r^2 + 0.01)
+  double relative_mse_trimmed = 0.0;  ///< the same without the worst 0.1 % of pixels (rounded up; one always stays)
+  double rmse = 0.0;                  ///< square root of the mean of (x - r)^2
+  double mae = 0.0;                   ///< mean of |x - r|
+  double smape = 0.0;                 ///< mean of |x - r| / (|x| + |r| + 0.01)
+  double max_error = 0.0;             ///< largest |x - r|
+  double mean_ratio = 0.0;            ///< mean of x over mean of r; NaN where both are black
   std::size_t pixels = 0;
   /// Pixels with a NaN or infinite channel; `first` is the index of the first of them. With any, in either
   /// image, the figures above are NaN.

@@ -12,9 +12,9 @@ struct ImagePart {
   std::uint64_t sample = 0;
 };
 
-/// Which part of the image a sub-pass covers, so that methods whose single pass is long spread over a farm by image tiles.
-/// Sub-passes come in groups of kSamplesTogether samples of one tile, then the next tile: who takes a group makes what the
-/// tile's samples share once. With FilmOptions::part_edge 0 a sub-pass covers the whole image.
+/// Which part of the image a sub-pass covers, so that methods whose single pass is long spread over a farm by image
+/// tiles. Sub-passes come in groups of kSamplesTogether samples of one tile, then the next tile: who takes a group
+/// makes what the tile's samples share once. With FilmOptions::part_edge 0 a sub-pass covers the whole image.
 class PassOrder {
  public:
   static constexpr std::uint64_t kSamplesTogether = 4;

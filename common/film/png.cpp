@@ -7,6 +7,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <system_error>
 #include <tuple>
 
 #include <fmt/format.h>
@@ -22,8 +23,7 @@ constexpr std::array<std::uint8_t, 3> kNanColor = {255, 0, 255};
 
 /// sRGB curve of IEC 61966-2-1 for a value already in [0, 1], rounded to 8 bits.
 [[nodiscard]] std::uint8_t encode_srgb(float linear) {
-  const float encoded =
-      linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
+  const float encoded = linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
   return static_cast<std::uint8_t>(std::lround(255.0f * encoded));
 }
 
@@ -53,7 +53,9 @@ extern "C" {
 void pf_png_warning(png_structp, png_const_charp) {}
 void pf_png_write(png_structp png, png_bytep data, std::size_t size) {
   if (std::fwrite(data, 1, size, static_cast<Encoder*>(png_get_io_ptr(png))->file) != size) {
-    png_error(png, std::strerror(errno));
+    // Not a std::string: png_error leaves by longjmp.
+    std::array<char, 128> text{};
+    png_error(png, ::strerror_r(errno, text.data(), text.size()));
   }
 }
 void pf_png_flush(png_structp) {}
@@ -63,8 +65,8 @@ void pf_png_flush(png_structp) {}
 
 [[nodiscard]] bool begin(png_structp png, png_infop info, png_uint_32 width, png_uint_32 height) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
-  png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+               PNG_FILTER_TYPE_DEFAULT);
   // sRGB for readers that know it, the gAMA and cHRM that the PNG specification recommends beside it for
   // others.
   png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_RELATIVE);
@@ -119,19 +121,18 @@ class PngStructs {
   return {};
 }
 
-[[nodiscard]] Result<void> write_rows(const std::filesystem::path& file, int width, int height,
-                                      const FillRow& fill) {
+[[nodiscard]] Result<void> write_rows(const std::filesystem::path& file, int width, int height, const FillRow& fill) {
   const auto unwritten = [&](const std::string& why) {
     return fail(ErrorKind::kInternal, fmt::format("{}: PNG not written: {}", file.string(), why));
   };
   if (width <= 0 || height <= 0) return unwritten(fmt::format("an image of {}x{} pixels", width, height));
   return write_file_atomically(file, [&](const std::filesystem::path& temporary) -> Result<void> {
     std::unique_ptr<std::FILE, CloseFile> stream(std::fopen(temporary.c_str(), "wb"));
-    if (!stream) return unwritten(std::strerror(errno));
+    if (!stream) return unwritten(std::generic_category().message(errno));
     if (const auto encoded = encode(stream.get(), width, height, fill); !encoded) {
       return unwritten(encoded.error().message);
     }
-    if (std::fclose(stream.release()) != 0) return unwritten(std::strerror(errno));
+    if (std::fclose(stream.release()) != 0) return unwritten(std::generic_category().message(errno));
     return {};
   });
 }
@@ -147,11 +148,10 @@ void expose(const Rgb& pixel, float scale, std::uint8_t* rgb) {
 
 }  // namespace
 
-Result<void> write_png(const std::filesystem::path& file, int width, int height,
-                       std::span<const std::uint8_t> rgb) {
+Result<void> write_png(const std::filesystem::path& file, int width, int height, std::span<const std::uint8_t> rgb) {
   if (width > 0 && height > 0 && rgb.size() != std::size_t{3} * width * height) {
-    return fail(ErrorKind::kInternal, fmt::format("{}: {} bytes given for a PNG of {}x{} pixels",
-                                                  file.string(), rgb.size(), width, height));
+    return fail(ErrorKind::kInternal,
+                fmt::format("{}: {} bytes given for a PNG of {}x{} pixels", file.string(), rgb.size(), width, height));
   }
   return write_rows(file, width, height, [&](int y, std::span<std::uint8_t> row) -> Result<void> {
     std::ranges::copy(rgb.subspan(row.size() * static_cast<std::size_t>(y), row.size()), row.begin());
@@ -170,7 +170,8 @@ Result<void> write_png(const std::filesystem::path& file, const ImageRows& image
       auto beauty = layers.empty() ? fail(ErrorKind::kInternal, "an image without layers") : rgb_pixels(layers.front());
       if (!beauty) return tl::unexpected(beauty.error());
       if (beauty->size() != width * static_cast<std::size_t>(count)) {
-        return fail(ErrorKind::kInternal, fmt::format("{} pixels given for {} rows of {}", beauty->size(), count, width));
+        return fail(ErrorKind::kInternal,
+                    fmt::format("{} pixels given for {} rows of {}", beauty->size(), count, width));
       }
       block = std::move(*beauty);
     }

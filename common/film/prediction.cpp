@@ -24,8 +24,8 @@ Range slope(const std::vector<PilotPoint>& points) {
     last = &point;
   }
   if (before != nullptr && last->passes > before->passes)
-    b.likely = std::clamp(-std::log(last->error / before->error) / std::log(last->passes / before->passes),
-                          b.low, b.high);
+    b.likely =
+        std::clamp(-std::log(last->error / before->error) / std::log(last->passes / before->passes), b.low, b.high);
   return b;
 }
 
@@ -50,8 +50,7 @@ Range pass_seconds(const std::vector<PilotPoint>& points) {
     cost.high = std::max(cost.high, each);
   }
   constexpr double kNoise = 0.15;  // between two runs of the same on a machine that does other things too
-  return {std::min(cost.low, cost.likely) * (1 - kNoise), cost.likely,
-          std::max(cost.high, cost.likely) * (1 + kNoise)};
+  return {std::min(cost.low, cost.likely) * (1 - kNoise), cost.likely, std::max(cost.high, cost.likely) * (1 + kNoise)};
 }
 
 nlohmann::json range_or_null(const Range& range) {
@@ -80,8 +79,8 @@ Prediction predict(const PilotRender& pilot, const PredictionRequest& request) {
       return std::max(1.0, std::ceil(known->passes * std::pow(ratio, 1.0 / exponent)));
     };
     // A steeper fall needs fewer passes on the way down, and more on the way back up.
-    p.passes_to_error = Range{std::min(needed(b.high), needed(b.low)), needed(b.likely),
-                              std::max(needed(b.low), needed(b.high))};
+    p.passes_to_error =
+        Range{std::min(needed(b.high), needed(b.low)), needed(b.likely), std::max(needed(b.low), needed(b.high))};
   }
   p.passes = request.passes > 0 || !p.passes_to_error ? request.passes : p.passes_to_error->likely;
   if (known != nullptr) {
@@ -100,17 +99,14 @@ Prediction predict(const PilotRender& pilot, const PredictionRequest& request) {
   const double rounds = rounds_until(p.passes, request.round_growth);
   const double scene = static_cast<double>(pilot.scene_bytes) * (n + 1);
   const auto bytes = [&](double results, double states) {
-    return scene + results * static_cast<double>(pilot.result_bytes) +
-           states * static_cast<double>(pilot.state_bytes);
+    return scene + results * static_cast<double>(pilot.result_bytes) + states * static_cast<double>(pilot.state_bytes);
   };
   if (request.barrier && pilot.state_bytes > 0) {
     const double most = std::min(rounds * n, p.passes);  // early rounds have fewer sub-passes than workers
     p.network_bytes = {bytes(0.5 * most, 0.5 * most), bytes(most, most), bytes(2 * most, 1.5 * most)};
   } else {
     const double seconds = p.seconds.likely / n;
-    const auto results = [&](double hold) {
-      return std::clamp(seconds / hold, 1.0, std::max(1.0, p.passes / n)) * n;
-    };
+    const auto results = [&](double hold) { return std::clamp(seconds / hold, 1.0, std::max(1.0, p.passes / n)) * n; };
     p.network_bytes = {bytes(results(60), n), bytes(results(15), n), bytes(results(4), n)};
   }
   return p;
@@ -124,15 +120,14 @@ nlohmann::json prediction_json(const PilotRender& pilot, const Prediction& predi
                       {"seconds", point.seconds},
                       {"estimated_error", point.error > 0 ? json(point.error) : json()}});
   }
-  return {
-      {"passes", prediction.passes},
-      {"seconds", range_or_null(prediction.seconds)},
-      {"memory_bytes", range_or_null(prediction.memory_bytes)},
-      {"network_bytes", range_or_null(prediction.network_bytes)},
-      {"estimated_error", range_or_null(prediction.error)},
-      {"passes_to_error", prediction.passes_to_error ? range_or_null(*prediction.passes_to_error) : json()},
-      {"workers", workers},
-      {"pilot", std::move(points)}};
+  return {{"passes", prediction.passes},
+          {"seconds", range_or_null(prediction.seconds)},
+          {"memory_bytes", range_or_null(prediction.memory_bytes)},
+          {"network_bytes", range_or_null(prediction.network_bytes)},
+          {"estimated_error", range_or_null(prediction.error)},
+          {"passes_to_error", prediction.passes_to_error ? range_or_null(*prediction.passes_to_error) : json()},
+          {"workers", workers},
+          {"pilot", std::move(points)}};
 }
 
 }  // namespace pf

@@ -48,7 +48,8 @@ std::uint64_t round_size(std::uint64_t sub_passes_done, double growth) {
 }
 
 double independent_radius2_ratio(std::uint64_t index, double alpha) {
-  // prod (k - 1 + alpha)/k = Gamma(index + alpha) / (Gamma(alpha) Gamma(index + 1)), the same for any index at any cost.
+  // prod (k - 1 + alpha)/k = Gamma(index + alpha) / (Gamma(alpha) Gamma(index + 1)), the same for any index at any
+  // cost.
   if (index == 0) return 1.0;
   const auto n = static_cast<double>(index);
   return std::exp(log_gamma(n + alpha) - log_gamma(alpha) - log_gamma(n + 1.0));

@@ -7,16 +7,18 @@
 
 namespace pf {
 
-/// Progressive state of one flow at one pixel [Hachisuka and Jensen 2009, section 3]: shared by all hit points of the pixel.
+/// Progressive state of one flow at one pixel [Hachisuka and Jensen 2009, section 3]: shared by all hit points of the
+/// pixel.
 struct FlowState {
-  float radius2 = 0;               ///< R^2 [m^2]
-  float count = 0;                 ///< N, photons kept so far
-  std::array<float, 3> tau{};      ///< flux in the disc of radius R, in steps of SumScale::flow
+  float radius2 = 0;           ///< R^2 [m^2]
+  float count = 0;             ///< N, photons kept so far
+  std::array<float, 3> tau{};  ///< flux in the disc of radius R, in steps of SumScale::flow
 };
 
 struct ProgressivePixel {
   std::array<FlowState, kFlows> flow;
-  float covered_radius = 0;        ///< discs up to this radius [m] lie whole on the surface; what wider ones cover is measured
+  float covered_radius =
+      0;  ///< discs up to this radius [m] lie whole on the surface; what wider ones cover is measured
 
   [[nodiscard]] FlowState& operator[](std::size_t f) { return flow[f]; }
   [[nodiscard]] const FlowState& operator[](std::size_t f) const { return flow[f]; }
@@ -24,8 +26,8 @@ struct ProgressivePixel {
 
 /// One round's update [Hachisuka08 (5)-(9)] as if its sub-passes had come one after the other, in V = min(S, M) virtual
 /// steps: step i finds m = (M/V) R_i^2/R_round^2 photons, because the steps before it have already shrunk the disc.
-/// `photons`, `flow`: what the round's `sub_passes` found within the radius at the round's start. rounds of any size give the
-/// same mean, variance and radius (tests/stability). alpha in (0, 1].
+/// `photons`, `flow`: what the round's `sub_passes` found within the radius at the round's start. rounds of any size
+/// give the same mean, variance and radius (tests/stability). alpha in (0, 1].
 [[nodiscard]] FlowState updated(const FlowState& state, std::uint32_t photons, const std::array<std::int64_t, 3>& flow,
                                 std::uint64_t sub_passes, double alpha);
 

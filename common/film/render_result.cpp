@@ -25,8 +25,8 @@ Result<void> write_images(const Film& film, const ResultLabels& labels, const st
   result.photons_stored = sums.photons_stored;
   result.rays = sums.rays;
   if (sums.faults.not_finite > 0) {
-    result.warnings.push_back(fmt::format("{} contributions were NaN or infinite and are missing in the image",
-                                          sums.faults.not_finite));
+    result.warnings.push_back(
+        fmt::format("{} contributions were NaN or infinite and are missing in the image", sums.faults.not_finite));
   }
   image.metadata = {{"job", labels.name},
                     {"spec_hash", labels.spec_hash},
@@ -61,16 +61,19 @@ std::string result_json(const std::string& name, const RenderResult& r) {
   const auto rate = [&](std::uint64_t count) {
     return r.render_seconds > 0 ? static_cast<double>(count) / r.render_seconds : 0.0;
   };
-  nlohmann::json json = {
-      {"job", name},
-      {"exr", r.exr.string()},
-      {"png", r.png.string()},
-      {"image_hash", r.image_hash},
-      {"seconds", {{"load", r.load_seconds}, {"prepare", r.prepare_seconds}, {"render", r.render_seconds}, {"write", r.write_seconds}}},
-      {"rays_per_second", rate(r.rays)},
-      {"photons_per_second", rate(r.photon_paths)},
-      {"warnings", r.warnings},
-      {"build_id", kBuildId}};
+  nlohmann::json json = {{"job", name},
+                         {"exr", r.exr.string()},
+                         {"png", r.png.string()},
+                         {"image_hash", r.image_hash},
+                         {"seconds",
+                          {{"load", r.load_seconds},
+                           {"prepare", r.prepare_seconds},
+                           {"render", r.render_seconds},
+                           {"write", r.write_seconds}}},
+                         {"rays_per_second", rate(r.rays)},
+                         {"photons_per_second", rate(r.photon_paths)},
+                         {"warnings", r.warnings},
+                         {"build_id", kBuildId}};
   json.update(nlohmann::json(figures_json(r)));
   json["estimated_error"] = std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json(nullptr);
   for (const RenderSnapshot& s : r.snapshots) {
@@ -82,9 +85,10 @@ std::string result_json(const std::string& name, const RenderResult& r) {
 }
 
 std::string overflow_message(const std::string& name, std::uint64_t overflows) {
-  return fmt::format("{}: {} contributions exceed the range of the exact sums; a light is more than 10^8 times brighter than "
-                     "the scene's mean: check its intensity and size",
-                     name, overflows);
+  return fmt::format(
+      "{}: {} contributions exceed the range of the exact sums; a light is more than 10^8 times brighter than "
+      "the scene's mean: check its intensity and size",
+      name, overflows);
 }
 
 }  // namespace pf

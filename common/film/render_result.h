@@ -21,7 +21,7 @@ struct RenderSnapshot : SnapshotFigures {
 /// Figures of a finished (or stopped) job, and where its files lie. One machine and the farm write the same.
 struct RenderResult : WorkFigures {
   std::filesystem::path exr, png, json;
-  std::string image_hash;                       ///< SHA-256 of the beauty's floats: equal images, equal hashes
+  std::string image_hash;  ///< SHA-256 of the beauty's floats: equal images, equal hashes
   double load_seconds = 0, prepare_seconds = 0, render_seconds = 0, write_seconds = 0;
   double error = 0;
   std::vector<std::string> warnings;
@@ -30,10 +30,10 @@ struct RenderResult : WorkFigures {
 
 /// What a result says about its job.
 struct ResultLabels {
-  std::string name;                             ///< of the files
-  float exposure = 0;                           ///< stops, for the PNG
+  std::string name;    ///< of the files
+  float exposure = 0;  ///< stops, for the PNG
   std::string spec_hash, scene_hash, plan, spec_json;
-  std::string files;                            ///< of the scene: FileList as JSON (common/wire/bundle.h)
+  std::string files;  ///< of the scene: FileList as JSON (common/wire/bundle.h)
   std::uint64_t seed = 0;
 };
 
@@ -49,8 +49,8 @@ struct OutputPaths {
 
 /// Writes EXR and PNG of the image so far and fills in what the film knows: paths, hash, counts, error, warnings of
 /// left-out contributions. Errors: kInternal.
-[[nodiscard]] Result<void> write_images(const Film& film, const ResultLabels& labels, const std::filesystem::path& folder,
-                                        RenderResult& result);
+[[nodiscard]] Result<void> write_images(const Film& film, const ResultLabels& labels,
+                                        const std::filesystem::path& folder, RenderResult& result);
 /// The result as the JSON document that `--json` prints and that stands beside the image.
 [[nodiscard]] std::string result_json(const std::string& name, const RenderResult& result);
 /// Why a job with overflowed sums fails.

@@ -28,7 +28,8 @@ bool add_pixel(PixelSums& sum, const PixelSums& p) {
 }
 
 bool add_features(FeatureSums& sum, const FeatureSums& f) {
-  bool exact = sum.samples() + f.samples() <= kFeatureSubPasses && add_exact(sum.depth_and_samples, f.depth_and_samples);
+  bool exact =
+      sum.samples() + f.samples() <= kFeatureSubPasses && add_exact(sum.depth_and_samples, f.depth_and_samples);
   for (std::size_t c = 0; c < 3; ++c) {
     exact = exact && add_exact(sum.albedo[c], f.albedo[c]) && add_exact(sum.normal[c], f.normal[c]);
   }

@@ -34,9 +34,10 @@ inline constexpr std::uint64_t kFeatureSubPasses = 15;
 
 /// What one pixel's first eye samples met, summed.
 struct FeatureSums {
-  std::array<std::int16_t, 3> albedo{};   ///< in steps of SumScale::kUnit
+  std::array<std::int16_t, 3> albedo{};  ///< in steps of SumScale::kUnit
   std::array<std::int16_t, 3> normal{};
-  std::uint32_t depth_and_samples = 0;    ///< depth in steps of SumScale::depth, times 16, plus the samples: both add up as one
+  std::uint32_t depth_and_samples =
+      0;  ///< depth in steps of SumScale::depth, times 16, plus the samples: both add up as one
 
   static constexpr double kMaxDepthSteps = 0x1p24;  ///< of a sample: fifteen of them fit 28 bits
   [[nodiscard]] std::uint32_t samples() const { return depth_and_samples & 15u; }
@@ -50,11 +51,11 @@ struct FeatureSums {
 /// What only some methods sum per pixel, and what its four integers then mean.
 enum class Extra : std::uint8_t {
   kNone,
-  kSpecular,      ///< radiance seen through sharp reflections or refractions, in steps of SumScale::radiance; and nothing
+  kSpecular,  ///< radiance seen through sharp reflections or refractions, in steps of SumScale::radiance; and nothing
   kGatherPoints,  ///< the same, and how often a gather point was placed here
   kCacheRecords,  ///< the same, and how often a record of the irradiance cache was placed here
-  kBias           ///< of each flow, luminance times 6 d^2/R^2 - 3 over the photons found, in steps of SumScale::flow: what the
-                  ///< disc adds to its middle's radiance; and nothing
+  kBias  ///< of each flow, luminance times 6 d^2/R^2 - 3 over the photons found, in steps of SumScale::flow: what the
+         ///< disc adds to its middle's radiance; and nothing
 };
 struct ExtraSums {
   std::array<std::int64_t, 3> rgb{};  ///< or the flows' sums
@@ -65,10 +66,10 @@ struct ExtraSums {
 
 /// Steps of the fixed-point sums. Powers of two that follow from the scene's emitted flux and the spec alone.
 struct SumScale {
-  double radiance = 0x1p-24;    ///< W sr^-1 m^-2 per step of `direct` (and of `flow` outside shared mode)
-  double flow = 0x1p-24;        ///< per step of `flow`
-  double square = 0x1p-16;      ///< (W sr^-1 m^-2)^2 per step
-  double depth = 0x1p-18;       ///< metres per step
+  double radiance = 0x1p-24;                ///< W sr^-1 m^-2 per step of `direct` (and of `flow` outside shared mode)
+  double flow = 0x1p-24;                    ///< per step of `flow`
+  double square = 0x1p-16;                  ///< (W sr^-1 m^-2)^2 per step
+  double depth = 0x1p-18;                   ///< metres per step
   static constexpr double kUnit = 0x1p-11;  ///< step of albedo and normal
 
   /// `mean_radiance`: emitted flux / (pi * area of the scene's bounds); `photon_flux`: flux of one photon path in W
@@ -94,8 +95,8 @@ struct SumScale {
 
 /// Things that went wrong with single contributions; any of them makes the job report its cause.
 struct Faults {
-  std::uint64_t not_finite = 0;   ///< contributions that were NaN or infinite and were left out
-  std::uint64_t overflow = 0;     ///< sums beyond 63 bits
+  std::uint64_t not_finite = 0;  ///< contributions that were NaN or infinite and were left out
+  std::uint64_t overflow = 0;    ///< sums beyond 63 bits
   Faults& operator+=(const Faults& o) {
     not_finite += o.not_finite;
     overflow += o.overflow;
@@ -107,9 +108,10 @@ struct Faults {
 struct Statistics {
   int width = 0;
   int height = 0;
-  std::vector<PixelSums> pixels;      ///< row by row from the top
-  std::vector<FeatureSums> features;  ///< likewise; may be empty in results that hold no sub-pass below kFeatureSubPasses
-  std::vector<ExtraSums> extras;      ///< likewise; empty for Extra::kNone
+  std::vector<PixelSums> pixels;  ///< row by row from the top
+  std::vector<FeatureSums>
+      features;                   ///< likewise; may be empty in results that hold no sub-pass below kFeatureSubPasses
+  std::vector<ExtraSums> extras;  ///< likewise; empty for Extra::kNone
   std::uint64_t sub_passes = 0;
   std::uint64_t photon_paths = 0;
   std::uint64_t photons_stored = 0;

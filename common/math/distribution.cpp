@@ -8,9 +8,7 @@
 namespace pf {
 namespace {
 
-double usable(float weight) {
-  return std::isfinite(weight) && weight > 0.0f ? static_cast<double>(weight) : 0.0;
-}
+double usable(float weight) { return std::isfinite(weight) && weight > 0.0f ? static_cast<double>(weight) : 0.0; }
 
 /// Number of elements of sorted values[0..n) that are <= u, without branches that a processor could
 /// mispredict.
@@ -37,8 +35,7 @@ Distribution1D::Distribution1D(std::span<const float> weights) : cdf_(weights.si
   for (std::size_t i = 0; i < weights.size(); ++i) cdf_[i + 1] = cdf_[i] + usable(weights[i]);
   total_ = cdf_.back();
   if (total_ <= 0.0) return;
-  for (double& value : cdf_)
-    value /= total_;  // the last becomes exactly 1, and so does every one of equal sum
+  for (double& value : cdf_) value /= total_;  // the last becomes exactly 1, and so does every one of equal sum
 }
 
 std::optional<Distribution1D::Pick> Distribution1D::sample(float u) const {
@@ -46,8 +43,7 @@ std::optional<Distribution1D::Pick> Distribution1D::sample(float u) const {
   const double x = static_cast<double>(std::clamp(u, 0.0f, kOneMinusEpsilon));
   // The first border above u closes the cell; cells of weight 0 have no extent and are never hit.
   const std::size_t index = count_not_above(cdf_.data() + 1, size(), x);
-  return Pick{static_cast<std::uint32_t>(index), probability(index),
-              rescale(x, cdf_[index], cdf_[index + 1])};
+  return Pick{static_cast<std::uint32_t>(index), probability(index), rescale(x, cdf_[index], cdf_[index + 1])};
 }
 
 float Distribution1D::probability(std::size_t index) const {

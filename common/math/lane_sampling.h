@@ -47,7 +47,9 @@ struct Vec2x8 {
   const Float8 theta = (wide ? all(0.0f) : all(kPi / 2.0f)) + (wide ? all(kPi / 4.0f) : all(-kPi / 4.0f)) * across;
   const Float8 turned = wide ? theta : -theta;
   const auto sine_and_cosine = [](Double4 v, __m128& sine, __m128& cosine) {
-    const auto fma = [](const Double4& a, const Double4& b, const Double4& c) -> Double4 { return _mm256_fmadd_pd(a, b, c); };
+    const auto fma = [](const Double4& a, const Double4& b, const Double4& c) -> Double4 {
+      return _mm256_fmadd_pd(a, b, c);
+    };
     const auto every = [](double c) -> Double4 { return _mm256_set1_pd(c); };
     const Double4 v2 = v * v, v3 = v2 * v, v4 = v2 * v2;
     const Double4 odd = fma(v3 * v2, fma(v2, every(kSine[0]), every(kSine[1])), fma(v3, every(kSine[2]), v));
@@ -61,10 +63,12 @@ struct Vec2x8 {
   };
   const auto w = reinterpret_cast<__m256i>(wide);
   __m128 sine[2], cosine[2];
-  sine_and_cosine(Double4(_mm256_cvtps_pd(_mm256_castps256_ps128(turned))) + quarter(_mm256_castsi256_si128(w)), sine[0], cosine[0]);
-  sine_and_cosine(Double4(_mm256_cvtps_pd(_mm256_extractf128_ps(turned, 1))) + quarter(_mm256_extracti128_si256(w, 1)), sine[1],
-                  cosine[1]);
-  const Float8 at_odd = r * Float8(_mm256_set_m128(sine[1], sine[0])), at_even = r * Float8(_mm256_set_m128(cosine[1], cosine[0]));
+  sine_and_cosine(Double4(_mm256_cvtps_pd(_mm256_castps256_ps128(turned))) + quarter(_mm256_castsi256_si128(w)),
+                  sine[0], cosine[0]);
+  sine_and_cosine(Double4(_mm256_cvtps_pd(_mm256_extractf128_ps(turned, 1))) + quarter(_mm256_extracti128_si256(w, 1)),
+                  sine[1], cosine[1]);
+  const Float8 at_odd = r * Float8(_mm256_set_m128(sine[1], sine[0])),
+               at_even = r * Float8(_mm256_set_m128(cosine[1], cosine[0]));
   const Int8 centre = (x == 0.0f) & (y == 0.0f);
   return {centre ? all(0.0f) : (wide ? at_even : at_odd), centre ? all(0.0f) : (wide ? at_odd : at_even)};
 }
@@ -84,7 +88,8 @@ struct Vec2x8 {
   return t * v.x + b * v.y + n * v.z;
 }
 
-[[nodiscard]] inline Vec3x8 offset_ray_origin(const Vec3x8& p, const Vec3x8& ng, const Vec3x8& direction, const Float8& extent) {
+[[nodiscard]] inline Vec3x8 offset_ray_origin(const Vec3x8& p, const Vec3x8& ng, const Vec3x8& direction,
+                                              const Float8& extent) {
   const Float8 magnitude = max(abs(p.x), max(abs(p.y), abs(p.z)));
   return p + ng * with_sign(kRayOffset * max(extent, magnitude), dot(direction, ng));
 }

@@ -10,8 +10,9 @@
 
 namespace pf {
 
-/// Eight values side by side, with the operators of one: the same operations in the same order give, in every lane, the bits
-/// that they give for one value alone. A comparison's lanes are all ones where it holds; `mask ? a : b` chooses lane by lane.
+/// Eight values side by side, with the operators of one: the same operations in the same order give, in every lane, the
+/// bits that they give for one value alone. A comparison's lanes are all ones where it holds; `mask ? a : b` chooses
+/// lane by lane.
 using Float8 [[gnu::vector_size(32)]] = float;
 using Int8 [[gnu::vector_size(32)]] = std::int32_t;
 using Uint8 [[gnu::vector_size(32)]] = std::uint32_t;

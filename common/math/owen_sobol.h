@@ -6,9 +6,9 @@
 
 namespace pf {
 
-/// Low-discrepancy points of one pixel over its samples: Owen-scrambled Sobol points, padded: every pair of dimensions is
-/// a freshly scrambled and shuffled (0,2)-sequence [Burley 2020, "Practical Hash-based Owen Scrambling"]. Stateless: a
-/// pure function of (pixel seed, sample index, dimension).
+/// Low-discrepancy points of one pixel over its samples: Owen-scrambled Sobol points, padded: every pair of dimensions
+/// is a freshly scrambled and shuffled (0,2)-sequence [Burley 2020, "Practical Hash-based Owen Scrambling"]. Stateless:
+/// a pure function of (pixel seed, sample index, dimension).
 
 [[nodiscard]] constexpr std::uint32_t reverse_bits(std::uint32_t x) {
   x = __builtin_bswap32(x);

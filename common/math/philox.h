@@ -54,8 +54,8 @@ class PathRng {
  private:
   static constexpr unsigned kBuffered = 16;
 
-  /// Four blocks at once, one in each 64-bit lane: about the time of one. Once for sixteen numbers: not worth a copy at every
-  /// place that draws one.
+  /// Four blocks at once, one in each 64-bit lane: about the time of one. Once for sixteen numbers: not worth a copy at
+  /// every place that draws one.
   [[gnu::noinline]] void refill() {
     const auto every = [](std::uint32_t v) { return _mm256_set1_epi64x(v); };
     __m256i c0 = every(counter_[0]), c1 = every(counter_[1]), c2 = every(counter_[2]);

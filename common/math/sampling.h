@@ -12,7 +12,8 @@ namespace pf {
 /// Largest float below one.
 inline constexpr float kOneMinusEpsilon = 0x1.fffffep-1f;
 
-/// `a` where `condition` holds, else `b`, without a branch: on random numbers a processor would mispredict every other one.
+/// `a` where `condition` holds, else `b`, without a branch: on random numbers a processor would mispredict every other
+/// one.
 [[nodiscard]] inline float choose(bool condition, float a, float b) {
   const __m128 mask = _mm_castsi128_ps(_mm_cvtsi32_si128(-static_cast<int>(condition)));
   return _mm_cvtss_f32(_mm_blendv_ps(_mm_set_ss(b), _mm_set_ss(a), mask));
@@ -26,8 +27,8 @@ inline constexpr double kQuarterTurn = 0x1.921FB54442D18p0;  ///< pi/2
 
 /// Concentric map of the unit square to the unit disc [Shirley and Chiu 1997].
 ///
-/// Every diffuse bounce draws from it, so it has no branch that chance decides. Sine and cosine are the polynomials of glibc's
-/// sincosf (2.28 and later, with FMA): the same floats, and the same whatever libm is installed.
+/// Every diffuse bounce draws from it, so it has no branch that chance decides. Sine and cosine are the polynomials of
+/// glibc's sincosf (2.28 and later, with FMA): the same floats, and the same whatever libm is installed.
 [[nodiscard]] inline Vec2f sample_disk(const Vec2f& u) {
   const float x = 2.0f * u.x - 1.0f;
   const float y = 2.0f * u.y - 1.0f;
@@ -35,14 +36,14 @@ inline constexpr double kQuarterTurn = 0x1.921FB54442D18p0;  ///< pi/2
   const bool wide = std::abs(x) > std::abs(y);
   const float r = choose(wide, x, y);
   const float across = choose(wide, y, x) / r;
-  // theta is in [-pi/4, pi/4] if wide, else in [pi/4, 3 pi/4]; then a quarter turn is taken off, and sine and cosine change
-  // places.
+  // theta is in [-pi/4, pi/4] if wide, else in [pi/4, 3 pi/4]; then a quarter turn is taken off, and sine and cosine
+  // change places.
   const float theta = choose(wide, 0.0f, kPi / 2.0f) + choose(wide, kPi / 4.0f, -kPi / 4.0f) * across;
   const double v = static_cast<double>(choose(wide, theta, -theta)) + (wide ? 0.0 : kQuarterTurn);
   const double v2 = v * v, v3 = v2 * v, v4 = v2 * v2;
   const double odd = std::fma(v3 * v2, std::fma(v2, kSine[0], kSine[1]), std::fma(v3, kSine[2], v));
-  const double even = std::fma(v4 * v2, std::fma(v2, kCosine[0], kCosine[1]),
-                               std::fma(v4, kCosine[2], std::fma(v2, kCosine[3], 1.0)));
+  const double even =
+      std::fma(v4 * v2, std::fma(v2, kCosine[0], kCosine[1]), std::fma(v4, kCosine[2], std::fma(v2, kCosine[3], 1.0)));
   const float at_odd = r * static_cast<float>(odd), at_even = r * static_cast<float>(even);
   return {choose(wide, at_even, at_odd), choose(wide, at_odd, at_even)};
 }

@@ -15,8 +15,7 @@ namespace {
 
 /// Whole numbers may stand for reals, but not the other way round.
 std::optional<double> as_real(const Value& value) {
-  if (const auto* real = std::get_if<double>(&value.data))
-    return *real == 0.0 ? 0.0 : *real;  // no negative zero
+  if (const auto* real = std::get_if<double>(&value.data)) return *real == 0.0 ? 0.0 : *real;  // no negative zero
   if (const auto* integer = std::get_if<std::int64_t>(&value.data)) return static_cast<double>(*integer);
   return std::nullopt;
 }
@@ -29,8 +28,8 @@ bool has_control_character(std::string_view text) {
 
 bool is_job_name(std::string_view text) {
   const auto allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
-           c == '_' || c == '-';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
+           c == '-';
   };
   return !text.empty() && std::ranges::all_of(text, allowed) && text != "." && text != "..";
 }
@@ -69,8 +68,7 @@ class Assigner {
   Result<void> operator()(const RealsKind& kind) const {
     const auto* array = std::get_if<Value::Array>(&value_.data);
     if (array == nullptr) return refuse(describe(value_));
-    if (!array->empty() && array->size() != kind.count)
-      return refuse(fmt::format("an array of {}", array->size()));
+    if (!array->empty() && array->size() != kind.count) return refuse(fmt::format("an array of {}", array->size()));
     std::vector<double> numbers;
     for (const Value& item : *array) {
       const auto real = as_real(item);
@@ -126,8 +124,7 @@ class Assigner {
     if (!normal.empty() && *normal.begin() == "..") {
       return refuse(fmt::format("{}, which leaves the job file's folder", quoted(text)));
     }
-    if (std::ranges::find(kind.extensions, lower_case(normal.extension().string())) ==
-        kind.extensions.end()) {
+    if (std::ranges::find(kind.extensions, lower_case(normal.extension().string())) == kind.extensions.end()) {
       return refuse(quoted(text));
     }
     kind.set(spec_, normal.generic_string());

@@ -39,9 +39,7 @@ struct DescribeValue {
     if (digits.find_first_of(".e") == std::string::npos) digits += ".0";
     return "the real number " + digits;
   }
-  std::string operator()(const std::string& value) const {
-    return fmt::format("the string \"{}\"", printable(value));
-  }
+  std::string operator()(const std::string& value) const { return fmt::format("the string \"{}\"", printable(value)); }
   std::string operator()(const Value::Array&) const { return "an array"; }
   std::string operator()(const Value::Table&) const { return "a table"; }
   std::string operator()(const Value::Other& other) const { return other.what; }

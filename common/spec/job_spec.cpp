@@ -17,8 +17,8 @@ using Parser = Result<spec::Value> (*)(std::string_view text, std::string_view o
 Result<JobSpec> parse_job(Parser parser, std::string_view text, std::string_view origin,
                           const std::vector<std::string>& overrides) {
   if (text.size() > spec::kMaxSpecBytes) {
-    return fail(ErrorKind::kInvalidSpec, fmt::format("{}:1:1: the file has {} bytes; expected at most {}",
-                                                     origin, text.size(), spec::kMaxSpecBytes));
+    return fail(ErrorKind::kInvalidSpec, fmt::format("{}:1:1: the file has {} bytes; expected at most {}", origin,
+                                                     text.size(), spec::kMaxSpecBytes));
   }
   const auto document = parser(text, origin);
   if (!document) return tl::unexpected(document.error());
@@ -68,15 +68,12 @@ bool may_trace(const JobSpec& spec, std::uint64_t paths) {
   const IntegratorType type = spec.integrator.type;
   const bool planned = spec.integrator.photons == 0 && (type == IntegratorType::kAuto || type == IntegratorType::kSppm);
   if (!planned) return paths == asked;
-  return paths >= static_cast<std::uint64_t>(kFewestPhotonPaths) && paths <= static_cast<std::uint64_t>(kMostPhotonPaths);
+  return paths >= static_cast<std::uint64_t>(kFewestPhotonPaths) &&
+         paths <= static_cast<std::uint64_t>(kMostPhotonPaths);
 }
 
-std::string_view to_string(IntegratorType type) {
-  return spec::integrator_names()[static_cast<std::size_t>(type)];
-}
+std::string_view to_string(IntegratorType type) { return spec::integrator_names()[static_cast<std::size_t>(type)]; }
 
-std::string_view to_string(ProgressiveMode mode) {
-  return spec::mode_names()[static_cast<std::size_t>(mode)];
-}
+std::string_view to_string(ProgressiveMode mode) { return spec::mode_names()[static_cast<std::size_t>(mode)]; }
 
 }  // namespace pf

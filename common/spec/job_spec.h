@@ -10,16 +10,7 @@
 
 namespace pf {
 
-enum class IntegratorType {
-  kAuto,
-  kPath,
-  kPhotonMap,
-  kFinalGather,
-  kIrradianceCache,
-  kPhotonSplat,
-  kPpm,
-  kSppm
-};
+enum class IntegratorType { kAuto, kPath, kPhotonMap, kFinalGather, kIrradianceCache, kPhotonSplat, kPpm, kSppm };
 enum class ProgressiveMode { kShared, kIndependent };
 enum class PhotonFilter { kDisc, kCone, kGaussian };
 enum class Switch { kAuto, kOn, kOff };
@@ -31,38 +22,38 @@ enum class SplatKernel { kEpanechnikov, kCone, kGaussian };
 struct JobSpec {
   int spec_version = 1;
   struct Job {
-    std::string name;                 ///< required; [A-Za-z0-9._-]{1,100}
-    int priority = 50;                ///< 0..100
+    std::string name;   ///< required; [A-Za-z0-9._-]{1,100}
+    int priority = 50;  ///< 0..100
   } job;
   struct Scene {
-    std::string file;                 ///< required; relative to the job file's folder, never outside it
-    std::string environment;          ///< .hdr/.exr, or empty
-    double environment_scale = 1.0;   ///< multiplies the map or environment_radiance
+    std::string file;                          ///< required; relative to the job file's folder, never outside it
+    std::string environment;                   ///< .hdr/.exr, or empty
+    double environment_scale = 1.0;            ///< multiplies the map or environment_radiance
     std::vector<double> environment_radiance;  ///< empty or three numbers; not with a map
-    std::string camera;               ///< name of a glTF camera; empty: the first
-    std::string scene;                ///< name or index of a glTF scene; empty: the document's default
-    double lens_radius = 0.0;         ///< metres; 0 is a pinhole
-    double focus_distance = 1.0;      ///< metres
+    std::string camera;                        ///< name of a glTF camera; empty: the first
+    std::string scene;                         ///< name or index of a glTF scene; empty: the document's default
+    double lens_radius = 0.0;                  ///< metres; 0 is a pinhole
+    double focus_distance = 1.0;               ///< metres
   } scene;
   struct Image {
     int width = 640;
     int height = 480;
-    double exposure = 0.0;            ///< stops, PNG only
+    double exposure = 0.0;  ///< stops, PNG only
   } image;
   struct Integrator {
     IntegratorType type = IntegratorType::kAuto;
     ProgressiveMode mode = ProgressiveMode::kShared;
-    std::int64_t photons = 0;         ///< paths per sub-pass; 0: photon_paths() chooses
+    std::int64_t photons = 0;  ///< paths per sub-pass; 0: photon_paths() chooses
     double round_growth = 0.25;
     double alpha = 0.6667;
-    double initial_radius = 0.0;      ///< metres; 0: per pixel, from the scene
-    int max_depth = 32;               ///< bounces; 0: no bound but Russian roulette
-    bool error_estimate = false;      ///< ppm, sppm: layers of noise and bias
+    double initial_radius = 0.0;  ///< metres; 0: per pixel, from the scene
+    int max_depth = 32;           ///< bounces; 0: no bound but Russian roulette
+    bool error_estimate = false;  ///< ppm, sppm: layers of noise and bias
     std::uint64_t seed = 1;
   } integrator;
   struct Ppm {
-    int eye_samples = 4;                    ///< of a pixel, the same in every sub-pass
-    int hit_points = 8;                     ///< statistics of a pixel, at most
+    int eye_samples = 4;  ///< of a pixel, the same in every sub-pass
+    int hit_points = 8;   ///< statistics of a pixel, at most
   } ppm;
   /// The maps of photon_map, final_gather and irradiance_cache.
   struct PhotonMap {
@@ -73,34 +64,34 @@ struct JobSpec {
     double max_distance = 0.0;              ///< metres; 0: from the scene
     PhotonFilter filter = PhotonFilter::kCone;
     Switch projection_map = Switch::kAuto;
-    bool show_map = false;                  ///< photon_map: the map's estimate at what the eye sees, and nothing else
+    bool show_map = false;  ///< photon_map: the map's estimate at what the eye sees, and nothing else
   } photon_map;
   struct FinalGather {
-    int rays = 256;                         ///< of one hemisphere
-    double importance = 0.5;                ///< part of them that is sampled from the photon map
-    bool precompute = true;                 ///< irradiance at photons
-    double error = 0.1;                     ///< bound on the relative error of interpolation; 0: gather at every sample
+    int rays = 256;           ///< of one hemisphere
+    double importance = 0.5;  ///< part of them that is sampled from the photon map
+    bool precompute = true;   ///< irradiance at photons
+    double error = 0.1;       ///< bound on the relative error of interpolation; 0: gather at every sample
   } final_gather;
   struct IrradianceCache {
-    double error = 0.15;                    ///< a of [Ward 1988]; smaller: more records
-    int rays = 512;                         ///< of one record
-    double min_spacing = 1.5;               ///< pixels between records, at least
-    double max_spacing = 40.0;              ///< at most
+    double error = 0.15;        ///< a of [Ward 1988]; smaller: more records
+    int rays = 512;             ///< of one record
+    double min_spacing = 1.5;   ///< pixels between records, at least
+    double max_spacing = 40.0;  ///< at most
     GatherSource source = GatherSource::kPhotonMap;
   } irradiance_cache;
   struct Cache {
-    std::string file;                       ///< records are read from here and written back; empty: none
+    std::string file;  ///< records are read from here and written back; empty: none
   } cache;
   struct PhotonSplat {
     SplatKernel kernel = SplatKernel::kEpanechnikov;
-    bool differentials = true;              ///< footprints from photon differentials
-    double smoothing = 1.0;                 ///< multiplies the kernels' widths
+    bool differentials = true;  ///< footprints from photon differentials
+    double smoothing = 1.0;     ///< multiplies the kernels' widths
   } photon_splat;
   struct Stop {
-    std::int64_t passes = 64;         ///< 0: no bound
-    double seconds = 0;               ///< 0: no bound
-    double error = 0;                 ///< 0: no bound
-    std::int64_t memory = 0;          ///< MiB; 0: no bound
+    std::int64_t passes = 64;  ///< 0: no bound
+    double seconds = 0;        ///< 0: no bound
+    double error = 0;          ///< 0: no bound
+    std::int64_t memory = 0;   ///< MiB; 0: no bound
   } stop;
   struct Checkpoint {
     double seconds = 30;
@@ -123,11 +114,12 @@ struct JobSpec {
                                              const std::vector<std::string>& overrides = {});
 [[nodiscard]] Result<JobSpec> parse_job_json(std::string_view text, std::string_view origin,
                                              const std::vector<std::string>& overrides = {});
-/// Photon paths of a sub-pass as far as the job alone says: where it leaves them open, 500,000 for the methods of maps, and two a
-/// pixel for the others, which the planner may change for sppm between these bounds.
+/// Photon paths of a sub-pass as far as the job alone says: where it leaves them open, 500,000 for the methods of maps,
+/// and two a pixel for the others, which the planner may change for sppm between these bounds.
 [[nodiscard]] std::int64_t photon_paths(const JobSpec& spec);
 inline constexpr std::int64_t kFewestPhotonPaths = 10'000, kMostPhotonPaths = 2'000'000;
-/// Whether so many photon paths may be those of a sub-pass: exactly the job's number, or one that the planner may choose.
+/// Whether so many photon paths may be those of a sub-pass: exactly the job's number, or one that the planner may
+/// choose.
 [[nodiscard]] bool may_trace(const JobSpec& spec, std::uint64_t paths);
 /// Canonical JSON: all keys, sorted, defaults filled in; equal specs give equal text.
 [[nodiscard]] std::string canonical_json(const JobSpec& spec);

@@ -83,9 +83,7 @@ class Builder final : public nlohmann::json_sax<Json> {
     if (value <= INT64_MAX) return add({static_cast<std::int64_t>(value), place});
     return add({Value::Other{fmt::format("the integer {}", value)}, place});
   }
-  bool number_float(double value, const std::string&) override {
-    return add({value, places_.at(word_start())});
-  }
+  bool number_float(double value, const std::string&) override { return add({value, places_.at(word_start())}); }
   bool string(std::string& value) override {
     const Place place = places_.at(string_start());
     return add({std::move(value), place});
@@ -101,8 +99,7 @@ class Builder final : public nlohmann::json_sax<Json> {
     Open& table = open_.back();
     table.key = {name, places_.at(string_start()), {}};
     if (table.keys.insert(std::move(name)).second) return true;
-    return refuse(table.key.place,
-                  fmt::format("key '{}' is given twice; expected it once", printable(table.key.key)));
+    return refuse(table.key.place, fmt::format("key '{}' is given twice; expected it once", printable(table.key.key)));
   }
 
   bool parse_error(std::size_t position, const std::string&, const Json::exception& error) override {
@@ -113,8 +110,7 @@ class Builder final : public nlohmann::json_sax<Json> {
     const std::size_t colon = column == std::string_view::npos ? what.find("] ") : what.find(": ", column);
     if (colon != std::string_view::npos) what.remove_prefix(colon + 2);
     const std::size_t expected = what.rfind("; expected ");
-    const std::string_view hint =
-        expected == std::string_view::npos ? "; expected valid JSON" : what.substr(expected);
+    const std::string_view hint = expected == std::string_view::npos ? "; expected valid JSON" : what.substr(expected);
     // `; last read: '...'` repeats the text before the place, sometimes several lines of it.
     const std::string_view problem = what.substr(0, std::min(what.find("; last read: "), expected));
     return refuse(place, printable(problem, 200) + printable(hint, 200));
@@ -141,8 +137,7 @@ class Builder final : public nlohmann::json_sax<Json> {
   bool open(Value::Array array) { return open_value({std::move(array), places_.at(consumed_ - 1)}); }
   bool open_value(Value value) {
     if (open_.size() > static_cast<std::size_t>(kMaxDepth)) {
-      return refuse(value.place,
-                    fmt::format("values are nested too deeply; expected at most {} levels", kMaxDepth));
+      return refuse(value.place, fmt::format("values are nested too deeply; expected at most {} levels", kMaxDepth));
     }
     open_.push_back({std::move(value), {}, {}});
     return true;

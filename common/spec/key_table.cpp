@@ -47,17 +47,14 @@ constexpr RealKind real(double min, double max, bool above_min = false) {
 
 template <auto kTable, auto kField>
 constexpr RealsKind reals(std::size_t count, double min, double max) {
-  return {count, min, max,
-          [](const JobSpec& spec) -> const std::vector<double>& { return spec.*kTable.*kField; },
+  return {count, min, max, [](const JobSpec& spec) -> const std::vector<double>& { return spec.*kTable.*kField; },
           // NOLINTNEXTLINE(performance-unnecessary-value-param): before instantiation no move is seen
           [](JobSpec& spec, std::vector<double> value) { spec.*kTable.*kField = std::move(value); }};
 }
 
 template <auto kTable, auto kField>
-constexpr TextKind text(TextForm form, std::size_t max_bytes,
-                        std::span<const std::string_view> extensions = {}) {
-  return {form, max_bytes, extensions,
-          [](const JobSpec& spec) -> const std::string& { return spec.*kTable.*kField; },
+constexpr TextKind text(TextForm form, std::size_t max_bytes, std::span<const std::string_view> extensions = {}) {
+  return {form, max_bytes, extensions, [](const JobSpec& spec) -> const std::string& { return spec.*kTable.*kField; },
           // NOLINTNEXTLINE(performance-unnecessary-value-param): before instantiation no move is seen
           [](JobSpec& spec, std::string value) { spec.*kTable.*kField = std::move(value); }};
 }
@@ -75,9 +72,8 @@ constexpr BooleanKind boolean() {
           [](JobSpec& spec, bool value) { spec.*kTable.*kField = value; }};
 }
 
-constexpr IntegerKind kVersion = {
-    1, 1, [](const JobSpec& spec) { return std::int64_t{spec.spec_version}; },
-    [](JobSpec& spec, std::int64_t v) { spec.spec_version = static_cast<int>(v); }};
+constexpr IntegerKind kVersion = {1, 1, [](const JobSpec& spec) { return std::int64_t{spec.spec_version}; },
+                                  [](JobSpec& spec, std::int64_t v) { spec.spec_version = static_cast<int>(v); }};
 
 constexpr std::array<Table, 13> kTables = {{
     {"job", "The job itself."},
@@ -144,19 +140,20 @@ constexpr std::array kKeys = {
 
     Key{"image", "width", kOptional, kDecides, "pixels", "Width; width times height is at most 268435456.",
         integer<kImage, &S::Image::width>(1, 65536)},
-    Key{"image", "height", kOptional, kDecides, "pixels", "Height.",
-        integer<kImage, &S::Image::height>(1, 65536)},
-    Key{"image", "exposure", kOptional, kIrrelevant, "stops",
-        "Brightness of the PNG; the EXR is not touched.", real<kImage, &S::Image::exposure>(-64, 64)},
+    Key{"image", "height", kOptional, kDecides, "pixels", "Height.", integer<kImage, &S::Image::height>(1, 65536)},
+    Key{"image", "exposure", kOptional, kIrrelevant, "stops", "Brightness of the PNG; the EXR is not touched.",
+        real<kImage, &S::Image::exposure>(-64, 64)},
 
     Key{"integrator", "type", kOptional, kDecides, "",
-        "The algorithm; auto takes the one that a pilot of photons and eye paths foretells to be the fastest (photonfarm plan).",
+        "The algorithm; auto takes the one that a pilot of photons and eye paths foretells to be the fastest "
+        "(photonfarm plan).",
         choice<kIntegrator, &S::Integrator::type>(kIntegrators)},
     Key{"integrator", "mode", kOptional, kDecides, "",
         "ppm and sppm: shared statistics with growing rounds, or independent passes.",
         choice<kIntegrator, &S::Integrator::mode>(kModes)},
     Key{"integrator", "photons", kOptional, kDecides, "paths",
-        "Photon paths of a sub-pass; 0: from 10000 to 2000000, two a pixel or for sppm what the planner finds best, and 500000 for "
+        "Photon paths of a sub-pass; 0: from 10000 to 2000000, two a pixel or for sppm what the planner finds best, "
+        "and 500000 for "
         "photon_map, final_gather and irradiance_cache.",
         integer<kIntegrator, &S::Integrator::photons>(0, kMax32)},
     Key{"integrator", "round_growth", kOptional, kDecides, "",
@@ -168,8 +165,7 @@ constexpr std::array kKeys = {
     Key{"integrator", "initial_radius", kOptional, kDecides, "m",
         "First gather radius; 0: chosen for each pixel from the scene, which is nearly always right.",
         real<kIntegrator, &S::Integrator::initial_radius>(0, kMaxMetres)},
-    Key{"integrator", "max_depth", kOptional, kDecides, "bounces",
-        "Longest path; 0: ended by Russian roulette alone.",
+    Key{"integrator", "max_depth", kOptional, kDecides, "bounces", "Longest path; 0: ended by Russian roulette alone.",
         integer<kIntegrator, &S::Integrator::max_depth>(0, 65535)},
     Key{"integrator", "error_estimate", kOptional, kDecides, "",
         "ppm and sppm estimate each pixel's noise and bias, as layers; with stop.error they always do.",
@@ -223,7 +219,8 @@ constexpr std::array kKeys = {
         integer<kIrradianceCache, &S::IrradianceCache::rays>(4, 65536)},
     Key{"irradiance_cache", "min_spacing", kOptional, kDecides, "pixels", "Least distance between records.",
         real<kIrradianceCache, &S::IrradianceCache::min_spacing>(0, 1000)},
-    Key{"irradiance_cache", "max_spacing", kOptional, kDecides, "pixels", "Greatest distance that a record is used over.",
+    Key{"irradiance_cache", "max_spacing", kOptional, kDecides, "pixels",
+        "Greatest distance that a record is used over.",
         real<kIrradianceCache, &S::IrradianceCache::max_spacing>(1, 10000)},
     Key{"irradiance_cache", "source", kOptional, kDecides, "", "Where gather rays take their radiance from.",
         choice<kIrradianceCache, &S::IrradianceCache::source>(kGatherSources)},
@@ -241,21 +238,24 @@ constexpr std::array kKeys = {
         real<kPhotonSplat, &S::PhotonSplat::smoothing>(0, 1000, true)},
 
     Key{"stop", "passes", kOptional, kIrrelevant, "sub-passes",
-        "Sub-passes; for path samples per pixel, for photon_map, final_gather and irradiance_cache the same in fours; 0: no bound.", integer<kStop, &S::Stop::passes>(0, kMax32)},
+        "Sub-passes; for path samples per pixel, for photon_map, final_gather and irradiance_cache the same in fours; "
+        "0: no bound.",
+        integer<kStop, &S::Stop::passes>(0, kMax32)},
     Key{"stop", "seconds", kOptional, kIrrelevant, "s", "Seconds of rendering; 0: no bound.",
         real<kStop, &S::Stop::seconds>(0, kMaxSeconds)},
-    Key{"stop", "error", kOptional, kIrrelevant, "", "Estimated relative error of the image (ppm and sppm: noise and bias); 0: no bound.",
+    Key{"stop", "error", kOptional, kIrrelevant, "",
+        "Estimated relative error of the image (ppm and sppm: noise and bias); 0: no bound.",
         real<kStop, &S::Stop::error>(0, 1)},
     Key{"stop", "memory", kOptional, kIrrelevant, "MiB",
-        "Resident memory of photonfarm render after which no pass is begun; 0: no bound. A farm's workers do not look at it.",
+        "Resident memory of photonfarm render after which no pass is begun; 0: no bound. A farm's workers do not look "
+        "at it.",
         integer<kStop, &S::Stop::memory>(0, kMax32)},
 
     Key{"checkpoint", "seconds", kOptional, kIrrelevant, "s",
         "Least time between two checkpoints; 0: one after every work unit.",
         real<kCheckpoint, &S::Checkpoint::seconds>(0, kMaxSeconds)},
 
-    Key{"faults", "max_attempts", kOptional, kIrrelevant, "attempts",
-        "Attempts at one work unit before the job fails.",
+    Key{"faults", "max_attempts", kOptional, kIrrelevant, "attempts", "Attempts at one work unit before the job fails.",
         integer<kFaults, &S::Faults::max_attempts>(1, 1000)},
     Key{"faults", "unit_timeout_seconds", kOptional, kIrrelevant, "s",
         "Silence after which a work unit is given to another worker.",
@@ -276,13 +276,11 @@ struct Describe {
   }
   std::string operator()(const RealKind& kind) const {
     const std::string_view from = kind.above_min ? "above" : "from";
-    return with_unit(
-        fmt::format("a number {} {} {} {}", from, kind.min, kind.above_min ? "and up to" : "to", kind.max),
-        key);
+    return with_unit(fmt::format("a number {} {} {} {}", from, kind.min, kind.above_min ? "and up to" : "to", kind.max),
+                     key);
   }
   std::string operator()(const RealsKind& kind) const {
-    return with_unit(
-        fmt::format("an array of {} numbers from {} to {}, or []", kind.count, kind.min, kind.max), key);
+    return with_unit(fmt::format("an array of {} numbers from {} to {}, or []", kind.count, kind.min, kind.max), key);
   }
   std::string operator()(const TextKind& kind) const {
     switch (kind.form) {
@@ -293,14 +291,11 @@ struct Describe {
         return fmt::format("a relative path below the job file's folder that ends in {}",
                            fmt::join(kind.extensions, " or "));
       case TextForm::kFree:
-        return fmt::format("a string of at most {} bytes of UTF-8 without control characters",
-                           kind.max_bytes);
+        return fmt::format("a string of at most {} bytes of UTF-8 without control characters", kind.max_bytes);
     }
     return "a string";
   }
-  std::string operator()(const ChoiceKind& kind) const {
-    return fmt::format("one of {}", fmt::join(kind.names, ", "));
-  }
+  std::string operator()(const ChoiceKind& kind) const { return fmt::format("one of {}", fmt::join(kind.names, ", ")); }
   std::string operator()(const BooleanKind&) const { return "true or false"; }
 };
 

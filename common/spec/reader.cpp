@@ -42,8 +42,7 @@ std::string same_name_elsewhere(std::string_view name) {
 }
 
 /// What `name` in `table` (empty: at the top) should perhaps have been, as the last part of a message.
-std::string suggestion(std::string_view table, std::string_view name,
-                       std::span<const std::string_view> valid) {
+std::string suggestion(std::string_view table, std::string_view name, std::span<const std::string_view> valid) {
   std::string meant;
   if (const auto near = nearest_name(name, valid)) {
     meant = table.empty() ? std::string(*near) : fmt::format("{}.{}", table, *near);
@@ -64,8 +63,8 @@ tl::unexpected<Error> unknown_key(std::string_view where, std::string_view table
     for (const std::string_view t : names_of_tables()) valid.push_back(t);
   }
   const std::string full = table.empty() ? printable(name) : fmt::format("{}.{}", table, printable(name));
-  return invalid(where, fmt::format("unknown {} '{}'; expected one of {}{}", noun, full,
-                                    fmt::join(valid, ", "), suggestion(table, name, valid)));
+  return invalid(where, fmt::format("unknown {} '{}'; expected one of {}{}", noun, full, fmt::join(valid, ", "),
+                                    suggestion(table, name, valid)));
 }
 
 std::string_view trimmed(std::string_view text) {
@@ -76,13 +75,11 @@ std::string_view trimmed(std::string_view text) {
 
 /// The value of an override. Bare words are strings where a string is wanted.
 Result<Value> override_value(const Key& key, std::string_view text) {
-  const bool wants_text =
-      std::holds_alternative<TextKind>(key.kind) || std::holds_alternative<ChoiceKind>(key.kind);
+  const bool wants_text = std::holds_alternative<TextKind>(key.kind) || std::holds_alternative<ChoiceKind>(key.kind);
   if (wants_text && !text.starts_with('"') && !text.starts_with('\'')) return Value{std::string(text), {}};
   const auto refused = [&] {
-    return fail(ErrorKind::kInvalidSpec,
-                fmt::format("{} is not a TOML value; expected {}", text.empty() ? "nothing" : printable(text),
-                            expectation(key)));
+    return fail(ErrorKind::kInvalidSpec, fmt::format("{} is not a TOML value; expected {}",
+                                                     text.empty() ? "nothing" : printable(text), expectation(key)));
   };
   // One line, so that a value cannot bring further keys with it.
   if (text.find_first_of("\n\r") != std::string_view::npos) return refused();
@@ -106,8 +103,8 @@ Result<void> Reader::read(const Value& document) {
     }
     const auto* members = std::get_if<Value::Table>(&member.value.data);
     if (members == nullptr) {
-      return invalid(place, fmt::format("{} is {}; expected a table with keys {}", member.key,
-                                        describe(member.value), fmt::join(keys_of(member.key), ", ")));
+      return invalid(place, fmt::format("{} is {}; expected a table with keys {}", member.key, describe(member.value),
+                                        fmt::join(keys_of(member.key), ", ")));
     }
     tables_[member.key] = member.place;
     if (auto done = read_table(member.key, *members); !done) return done;
@@ -133,8 +130,8 @@ Result<void> Reader::override_with(std::string_view argument) {
   const std::string_view table = dot == std::string_view::npos ? "" : path.substr(0, dot);
   const std::string_view name = dot == std::string_view::npos ? path : path.substr(dot + 1);
   if (table.empty() && is_table(name)) {
-    return invalid(where, fmt::format("'{}' is a table; expected --set {}.key=value with a key out of {}",
-                                      name, name, fmt::join(keys_of(name), ", ")));
+    return invalid(where, fmt::format("'{}' is a table; expected --set {}.key=value with a key out of {}", name, name,
+                                      fmt::join(keys_of(name), ", ")));
   }
   if (!table.empty() && !is_table(table)) {
     const auto tables = names_of_tables();
@@ -172,9 +169,8 @@ Result<JobSpec> Reader::finish() const {
   }
   const std::int64_t pixels = std::int64_t{spec_.image.width} * spec_.image.height;
   if (pixels > kMaxPixels) {
-    return invalid(
-        where("image", "height"),
-        fmt::format("image.width times image.height is {}; expected at most {}", pixels, kMaxPixels));
+    return invalid(where("image", "height"),
+                   fmt::format("image.width times image.height is {}; expected at most {}", pixels, kMaxPixels));
   }
   if (!spec_.scene.environment.empty() && !spec_.scene.environment_radiance.empty()) {
     return invalid(where("scene", "environment_radiance"),

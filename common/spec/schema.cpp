@@ -21,8 +21,8 @@ std::string path_pattern(const TextKind& kind, bool may_be_empty) {
       extensions += fmt::format("[{}{}]", c, static_cast<char>(c - 'a' + 'A'));
     }
   }
-  return fmt::format("^{}(?!/|\\.\\./)[^\\u0000-\\u001f\\u007f]+\\.({}){}$", may_be_empty ? "(" : "",
-                     extensions, may_be_empty ? ")?" : "");
+  return fmt::format("^{}(?!/|\\.\\./)[^\\u0000-\\u001f\\u007f]+\\.({}){}$", may_be_empty ? "(" : "", extensions,
+                     may_be_empty ? ")?" : "");
 }
 
 struct DescribeKind {
@@ -32,9 +32,7 @@ struct DescribeKind {
     return {{"type", "integer"}, {"minimum", kind.min}, {"maximum", kind.max}};
   }
   ordered_json operator()(const RealKind& kind) const {
-    return {{"type", "number"},
-            {kind.above_min ? "exclusiveMinimum" : "minimum", kind.min},
-            {"maximum", kind.max}};
+    return {{"type", "number"}, {kind.above_min ? "exclusiveMinimum" : "minimum", kind.min}, {"maximum", kind.max}};
   }
   ordered_json operator()(const RealsKind& kind) const {
     const ordered_json item = {{"type", "number"}, {"minimum", kind.min}, {"maximum", kind.max}};
@@ -65,8 +63,7 @@ struct DescribeKind {
 
 ordered_json describe_key(const Key& key) {
   ordered_json schema = std::visit(DescribeKind{key}, key.kind);
-  schema["description"] =
-      key.unit.empty() ? std::string(key.doc) : fmt::format("{} Unit: {}.", key.doc, key.unit);
+  schema["description"] = key.unit.empty() ? std::string(key.doc) : fmt::format("{} Unit: {}.", key.doc, key.unit);
   if (!key.required) schema["default"] = json_value(JobSpec{}, key);
   return schema;
 }
@@ -91,8 +88,7 @@ std::string rows(std::string_view table) {
 }  // namespace
 
 std::string job_json_schema() {
-  ordered_json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
-                         {"title", "photonfarm job"}};
+  ordered_json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"}, {"title", "photonfarm job"}};
   schema.update(empty_object());
   for (const Table& table : job_tables()) {
     ordered_json& entry = schema["properties"][std::string(table.name)];
@@ -106,8 +102,7 @@ std::string job_json_schema() {
     if (!key.required) continue;
     table["required"].push_back(key.name);
     ordered_json& tables = schema["required"];
-    if (!top && std::find(tables.begin(), tables.end(), key.table) == tables.end())
-      tables.push_back(key.table);
+    if (!top && std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
   }
   return schema.dump(2) + "\n";
 }

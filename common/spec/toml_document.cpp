@@ -47,8 +47,7 @@ std::size_t string_length(std::string_view text) {
       i += 2;
     } else if (multiline && text.substr(i).starts_with(triple)) {
       i += 3;
-      for (int extra = 0; extra < 2 && i < text.size() && text[i] == quote; ++extra)
-        ++i;  // `""""` ends with a quote
+      for (int extra = 0; extra < 2 && i < text.size() && text[i] == quote; ++extra) ++i;  // `""""` ends with a quote
       return i;
     } else if (!multiline && (text[i] == quote || text[i] == '\n' || text[i] == '\r')) {
       return i + 1;
@@ -94,9 +93,8 @@ class Converter {
   Result<Value> convert(const toml::node& node, int depth) const {
     const Place place = to_place(node.source().begin);
     if (depth > kMaxDepth) {
-      return fail(ErrorKind::kInvalidSpec,
-                  fmt::format("{}: values are nested too deeply; expected at most {} levels",
-                              location(origin_, place), kMaxDepth));
+      return fail(ErrorKind::kInvalidSpec, fmt::format("{}: values are nested too deeply; expected at most {} levels",
+                                                       location(origin_, place), kMaxDepth));
     }
     if (const auto* table = node.as_table()) return convert_table(*table, place, depth);
     if (const auto* array = node.as_array()) return convert_array(*array, place, depth);
@@ -138,8 +136,7 @@ class Converter {
 Result<Value> parse_toml_document(std::string_view text, std::string_view origin) {
   if (const auto place = too_many_dots(text)) {
     return fail(ErrorKind::kInvalidSpec,
-                fmt::format("{}: too many dotted keys; expected keys of the form table.key",
-                            location(origin, *place)));
+                fmt::format("{}: too many dotted keys; expected keys of the form table.key", location(origin, *place)));
   }
   const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
@@ -148,9 +145,8 @@ Result<Value> parse_toml_document(std::string_view text, std::string_view origin
     what = what.substr(0, what.find(" (TOML_MAX_NESTED_VALUES)"));
     std::string message = printable(what, 300);
     if (message.starts_with('E')) message[0] = 'e';  // Error, Encountered
-    return fail(ErrorKind::kInvalidSpec,
-                fmt::format("{}: {}; expected valid TOML 1.0",
-                            location(origin, to_place(error.source().begin)), message));
+    return fail(ErrorKind::kInvalidSpec, fmt::format("{}: {}; expected valid TOML 1.0",
+                                                     location(origin, to_place(error.source().begin)), message));
   }
   return Converter(origin).convert(parsed.table(), 0);
 }

@@ -6,8 +6,6 @@
 #include "common/wire/blob_store.h"
 
 #include <fcntl.h>
-#include <signal.h>
-#include <stdlib.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -15,6 +13,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <system_error>
 #include <tuple>
@@ -76,8 +75,7 @@ bool read_at(int fd, std::uint64_t offset, std::size_t count, std::string& out) 
   out.resize(count);
   std::size_t filled = 0;
   while (filled < count) {
-    const ::ssize_t got =
-        ::pread(fd, out.data() + filled, count - filled, static_cast<::off_t>(offset + filled));
+    const ::ssize_t got = ::pread(fd, out.data() + filled, count - filled, static_cast<::off_t>(offset + filled));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return false;
     if (got == 0) break;
@@ -97,8 +95,7 @@ bool sync_folder(const fs::path& folder) {
 }
 
 tl::unexpected<Error> not_an_id(const BlobId& id) {
-  return fail(ErrorKind::kInvalidInput,
-              fmt::format("blob refused: {} bytes are no SHA-256", id.sha256.size()));
+  return fail(ErrorKind::kInvalidInput, fmt::format("blob refused: {} bytes are no SHA-256", id.sha256.size()));
 }
 
 }  // namespace
@@ -109,8 +106,7 @@ Result<BlobStore> BlobStore::open(fs::path folder, std::uint64_t max_bytes) {
   for (const char* part : {"partial", "incoming"}) {
     fs::create_directories(store.folder_ / part, error);
     if (error) {
-      return fail(ErrorKind::kInternal,
-                  fmt::format("{}: cannot be made: {}", store.folder_.string(), error.message()));
+      return fail(ErrorKind::kInternal, fmt::format("{}: cannot be made: {}", store.folder_.string(), error.message()));
     }
   }
   for (fs::directory_iterator entry(store.folder_ / "partial", error), end; !error && entry != end;
@@ -132,16 +128,14 @@ Result<BlobStore> BlobStore::open(fs::path folder, std::uint64_t max_bytes) {
   for (fs::directory_iterator part(store.folder_, error), end; !error && part != end; part.increment(error)) {
     if (part->path().filename().native().size() != 2) continue;
     std::error_code skipped;
-    for (fs::directory_iterator entry(part->path(), skipped); !skipped && entry != end;
-         entry.increment(skipped)) {
+    for (fs::directory_iterator entry(part->path(), skipped); !skipped && entry != end; entry.increment(skipped)) {
       std::error_code ignored;
       const std::uint64_t bytes = entry->file_size(ignored);
       if (ignored || !is_sha256(entry->path().filename().native())) continue;
       found.emplace_back(entry->last_write_time(ignored), entry->path().filename().string(), bytes);
     }
   }
-  if (error)
-    return fail(ErrorKind::kInternal, fmt::format("{}: {}", store.folder_.string(), error.message()));
+  if (error) return fail(ErrorKind::kInternal, fmt::format("{}: {}", store.folder_.string(), error.message()));
   std::sort(found.begin(), found.end());
   for (const auto& [time, sha256, bytes] : found) {
     store.entries_[sha256] = {bytes, ++store.uses_};
@@ -183,14 +177,12 @@ Result<BlobId> BlobStore::put_file(const fs::path& file) {
     return fail(ErrorKind::kInvalidInput, fmt::format("{}: cannot be read: {}", file.string(), why));
   };
   struct ::stat status = {};
-  if (!fd.valid() || ::fstat(fd.get(), &status) != 0)
-    return unreadable(std::generic_category().message(errno));
+  if (!fd.valid() || ::fstat(fd.get(), &status) != 0) return unreadable(std::generic_category().message(errno));
   if (!S_ISREG(status.st_mode)) return unreadable("not a regular file");
   return put_stream([&](const Sink& sink) -> Result<void> {
     std::string piece;
     for (std::uint64_t offset = 0;; offset += piece.size()) {
-      if (!read_at(fd.get(), offset, kPieceBytes, piece))
-        return unreadable(std::generic_category().message(errno));
+      if (!read_at(fd.get(), offset, kPieceBytes, piece)) return unreadable(std::generic_category().message(errno));
       if (piece.empty()) return {};
       if (auto written = sink(piece); !written) return written;
     }
@@ -234,14 +226,12 @@ Result<void> BlobStore::name_file(const fs::path& file, const BlobId& id) {
     return fail(ErrorKind::kInternal,
                 fmt::format("{}: cannot be made: {}", path.parent_path().string(), error.message()));
   if (::rename(file.c_str(), path.c_str()) != 0) return disk_failure(path, "cannot be named");
-  if (!sync_folder(path.parent_path()) || !sync_folder(folder_))
-    return disk_failure(path, "cannot sync its folder");
+  if (!sync_folder(path.parent_path()) || !sync_folder(folder_)) return disk_failure(path, "cannot sync its folder");
   return {};
 }
 
 Result<std::string> BlobStore::read(const BlobId& id, std::uint64_t offset, std::size_t count) {
-  if (!has(id))
-    return fail(ErrorKind::kInvalidInput, fmt::format("blob {} is not here", id.sha256.substr(0, 64)));
+  if (!has(id)) return fail(ErrorKind::kInvalidInput, fmt::format("blob {} is not here", id.sha256.substr(0, 64)));
   const File fd(::open(path_of(id).c_str(), O_RDONLY | O_CLOEXEC));
   std::string bytes;
   // The blob's size, not the caller's wish, bounds the memory.
@@ -265,8 +255,8 @@ Result<void> BlobStore::append_partial(const BlobId& id, std::uint64_t offset, s
   const std::uint64_t here = partial_bytes(id);
   if (offset != here || bytes.size() > id.bytes || offset > id.bytes - bytes.size()) {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("blob {}: a part of {} bytes at {}; expected one at {}, {} bytes in all",
-                            id.sha256, bytes.size(), offset, here, id.bytes));
+                fmt::format("blob {}: a part of {} bytes at {}; expected one at {}, {} bytes in all", id.sha256,
+                            bytes.size(), offset, here, id.bytes));
   }
   const fs::path path = partial_path(id);
   const File fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644));
@@ -297,8 +287,8 @@ Result<void> BlobStore::finish_partial(const BlobId& id) {
   }
   if (bytes != id.bytes || hash.hex() != id.sha256) {
     ::unlink(path.c_str());
-    return fail(ErrorKind::kInvalidInput, fmt::format("blob {} of {} bytes: got {} bytes of SHA-256 {}",
-                                                      id.sha256, id.bytes, bytes, hash.hex()));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("blob {} of {} bytes: got {} bytes of SHA-256 {}", id.sha256, id.bytes, bytes, hash.hex()));
   }
   if (::fchmod(fd.get(), 0444) != 0 || ::fsync(fd.get()) != 0) return disk_failure(path, "cannot write");
   if (auto named = name_file(path, id); !named) return named;

@@ -38,8 +38,7 @@ class Collector {
 
   /// `place`: where the file is really looked for; `path`: by which name, relative to the job's folder;
   /// `named_by` and `name` are for messages. Returns where it lies, links resolved.
-  Result<fs::path> add(const fs::path& place, const fs::path& path, const fs::path& named_by,
-                       const std::string& name) {
+  Result<fs::path> add(const fs::path& place, const fs::path& path, const fs::path& named_by, const std::string& name) {
     std::error_code error;
     const fs::path root = fs::canonical(folder_, error);
     if (error) return refuse(folder_, "the job's folder is not found");
@@ -48,21 +47,18 @@ class Collector {
     if (error || !is_inside(source, root))
       return refuse(named_by, fmt::format("'{}' lies outside the job's folder", name));
     if (!fs::exists(place, error)) return refuse(named_by, fmt::format("file '{}' is not found", name));
-    if (!fs::is_regular_file(source, error))
-      return refuse(named_by, fmt::format("'{}' is not a regular file", name));
+    if (!fs::is_regular_file(source, error)) return refuse(named_by, fmt::format("'{}' is not a regular file", name));
     if (!is_bundle_path(in_bundle) || !is_utf8(in_bundle)) {
-      return refuse(
-          named_by,
-          fmt::format("'{}' cannot be the name of a file on a farm; expected UTF-8 without '\\' of at "
-                      "most 1024 bytes, inside the job's folder",
-                      name));
+      return refuse(named_by,
+                    fmt::format("'{}' cannot be the name of a file on a farm; expected UTF-8 without '\\' of at "
+                                "most 1024 bytes, inside the job's folder",
+                                name));
     }
     const auto [known, fresh] = files_.emplace(in_bundle, source);
     if (!fresh && known->second != source) {
-      return refuse(
-          named_by,
-          fmt::format("'{}' and {} would be one file on a farm; expected paths without links and '..'", name,
-                      known->second.generic_string()));
+      return refuse(named_by,
+                    fmt::format("'{}' and {} would be one file on a farm; expected paths without links and '..'", name,
+                                known->second.generic_string()));
     }
     return source;
   }
@@ -101,16 +97,13 @@ Result<void> add_gltf_files(const JobSpec& spec, const fs::path& scene, Collecto
     if (!name) {
       added = refuse(shown, name.error());
     } else if (climbs_back(*name)) {
-      added = refuse(
-          shown,
-          fmt::format("'{}' goes into a folder and back out of it; expected '..' at the front only", *name));
+      added = refuse(shown,
+                     fmt::format("'{}' goes into a folder and back out of it; expected '..' at the front only", *name));
     } else {
-      added = collector.add(scene.parent_path() / *name, fs::path(spec.scene.file).parent_path() / *name,
-                            shown, *name);
+      added = collector.add(scene.parent_path() / *name, fs::path(spec.scene.file).parent_path() / *name, shown, *name);
     }
     // The loader only warns about an image that nothing uses.
-    if (!added && uri.needed)
-      return fail(added.error().kind, added.error().message + fmt::format(" ({})", uri.place));
+    if (!added && uri.needed) return fail(added.error().kind, added.error().message + fmt::format(" ({})", uri.place));
   }
   return {};
 }
@@ -136,8 +129,7 @@ Result<std::vector<BundleFile>> files_of_job(const JobSpec& spec) {
   }
 }
 
-Result<std::string> make_bundle(const JobSpec& spec,
-                                const std::vector<std::pair<std::string, BlobId>>& files) {
+Result<std::string> make_bundle(const JobSpec& spec, const std::vector<std::pair<std::string, BlobId>>& files) {
   wire::Bundle bundle;
   bundle.set_version(kWireVersion);
   bundle.set_spec_json(canonical_json(spec));
@@ -164,8 +156,7 @@ Result<void> lay_out(const fs::path& blob, const fs::path& target) {
   if (!error && ::link(blob.c_str(), target.c_str()) == 0) return {};
   if (!error) fs::copy_file(blob, target, fs::copy_options::none, error);
   if (error)
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: cannot be laid out: {}", target.string(), error.message()));
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot be laid out: {}", target.string(), error.message()));
   return {};
 }
 
@@ -194,14 +185,12 @@ Result<JobSpec> unpack_bundle(std::string_view manifest, const BlobStore& store,
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || !fs::is_empty(folder, error) || error) {
-    return fail(
-        ErrorKind::kInternal,
-        fmt::format("{}: expected an empty folder, or none, for the files of a bundle", folder.string()));
+    return fail(ErrorKind::kInternal,
+                fmt::format("{}: expected an empty folder, or none, for the files of a bundle", folder.string()));
   }
   for (const wire::Bundle::File& file : bundle->files()) {
     const BlobId id{sha256_hex_of_bytes(file.content().sha256()), file.content().bytes()};
-    if (auto laid = lay_out(store.path_of(id), folder / file.path()); !laid)
-      return tl::unexpected(laid.error());
+    if (auto laid = lay_out(store.path_of(id), folder / file.path()); !laid) return tl::unexpected(laid.error());
   }
   spec->folder = folder;
   return spec;
@@ -215,14 +204,16 @@ std::string file_list_json(const FileList& files) {
 
 Result<FileList> parse_file_list(std::string_view text) {
   const auto broken = [](std::string_view what) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("list of files: {}; expected [{{\"path\", \"sha256\", \"bytes\"}}]", what));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("list of files: {}; expected [{{\"path\", \"sha256\", \"bytes\"}}]", what));
   };
   FileList files;
   try {
     for (const nlohmann::json& file : nlohmann::json::parse(text)) {
       const BlobId id{file.at("sha256").get<std::string>(), file.at("bytes").get<std::uint64_t>()};
       const auto path = file.at("path").get<std::string>();
-      if (id.sha256.size() != 64 || id.sha256.find_first_not_of("0123456789abcdef") != std::string::npos) return broken("no SHA-256");
+      if (id.sha256.size() != 64 || id.sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
+        return broken("no SHA-256");
       if (!is_bundle_path(path) || files.size() >= kMaxBundleFiles) return broken("no relative path, or too many");
       files.emplace_back(path, id);
     }

@@ -31,9 +31,7 @@ ContentHash::~ContentHash() = default;
 ContentHash::ContentHash(ContentHash&&) noexcept = default;
 ContentHash& ContentHash::operator=(ContentHash&&) noexcept = default;
 
-void ContentHash::update(std::string_view bytes) {
-  XXH3_128bits_update(state_->xxh.get(), bytes.data(), bytes.size());
-}
+void ContentHash::update(std::string_view bytes) { XXH3_128bits_update(state_->xxh.get(), bytes.data(), bytes.size()); }
 
 Hash128 ContentHash::digest() const {
   const XXH128_hash_t hash = XXH3_128bits_digest(state_->xxh.get());
@@ -64,10 +62,9 @@ Result<void> ChunkWriter::flush() {
   tiles_ = 0;
   hash_.update(content_);
   std::string& chunk = compressor_->chunk;
-  const std::size_t bytes = ZSTD_compressCCtx(compressor_->zstd.get(), chunk.data(), chunk.size(),
-                                              content_.data(), content_.size(), kLevel);
-  if (ZSTD_isError(bytes) != 0U)
-    return fail(ErrorKind::kInternal, fmt::format("zstd: {}", ZSTD_getErrorName(bytes)));
+  const std::size_t bytes =
+      ZSTD_compressCCtx(compressor_->zstd.get(), chunk.data(), chunk.size(), content_.data(), content_.size(), kLevel);
+  if (ZSTD_isError(bytes) != 0U) return fail(ErrorKind::kInternal, fmt::format("zstd: {}", ZSTD_getErrorName(bytes)));
   return sink_(std::string_view(chunk).substr(0, bytes));
 }
 
@@ -83,8 +80,7 @@ Result<ChunkContent> open_chunk(std::string_view chunk, std::string_view magic, 
   if (chunk.size() > kMaxChunkBytes)
     return refuse(fmt::format("{} bytes; expected at most {}", chunk.size(), kMaxChunkBytes));
   const unsigned long long size = ZSTD_getFrameContentSize(chunk.data(), chunk.size());
-  if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN)
-    return refuse("no zstd frame of known size");
+  if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN) return refuse("no zstd frame of known size");
   const std::size_t most = std::min(kMaxContentBytes, kChunkHeaderBytes + most_tiles * most_tile_bytes);
   if (size <= kChunkHeaderBytes || size > most) {
     return refuse(fmt::format("{} bytes of content; expected {} to {}", size, kChunkHeaderBytes + 1, most));

@@ -47,16 +47,14 @@ void widen(Range& range, const Block& values, std::size_t n) {
 
 unsigned bytes_for(std::uint64_t value) { return static_cast<unsigned>(std::bit_width(value) + 7) / 8; }
 
-void write_planes(const Block& values, std::uint64_t base, unsigned width, std::size_t n,
-                  unsigned char* plane, std::size_t count) {
+void write_planes(const Block& values, std::uint64_t base, unsigned width, std::size_t n, unsigned char* plane,
+                  std::size_t count) {
   for (unsigned k = 0; k < width; ++k, plane += count) {
     // A constant number of rounds is what the compiler makes vector code of.
     if (n == kBlock) {
-      for (std::size_t i = 0; i < kBlock; ++i)
-        plane[i] = static_cast<unsigned char>((values[i] - base) >> (8 * k));
+      for (std::size_t i = 0; i < kBlock; ++i) plane[i] = static_cast<unsigned char>((values[i] - base) >> (8 * k));
     } else {
-      for (std::size_t i = 0; i < n; ++i)
-        plane[i] = static_cast<unsigned char>((values[i] - base) >> (8 * k));
+      for (std::size_t i = 0; i < n; ++i) plane[i] = static_cast<unsigned char>((values[i] - base) >> (8 * k));
     }
   }
 }
@@ -126,8 +124,7 @@ bool take_columns(std::string_view& rest, std::span<const Column> columns, std::
     column.width = static_cast<unsigned char>(rest.front());
     std::memcpy(&column.base, rest.data() + 1, sizeof column.base);
     rest.remove_prefix(kColumnHeaderBytes);
-    if (column.width > bytes_of(column.type) || !set_limit(column) || rest.size() < column.width * count)
-      return false;
+    if (column.width > bytes_of(column.type) || !set_limit(column) || rest.size() < column.width * count) return false;
     column.planes = reinterpret_cast<const unsigned char*>(rest.data());
     rest.remove_prefix(column.width * count);
   }

@@ -69,8 +69,7 @@ tl::expected<Json, std::string> parse(const std::string& text) {
   try {
     Json document = Json::parse(text, look);
     if (too_deep) return tl::unexpected(fmt::format("JSON is nested deeper than {} levels", kMaxJsonDepth));
-    if (!document.is_object())
-      return tl::unexpected<std::string>("JSON is not an object; expected a glTF document");
+    if (!document.is_object()) return tl::unexpected<std::string>("JSON is not an object; expected a glTF document");
     return document;
   } catch (const Json::exception& e) {
     return tl::unexpected("not glTF: " + shown(e.what()));
@@ -145,16 +144,14 @@ tl::expected<std::vector<GltfUri>, std::string> gltf_uris(const std::filesystem:
 
 tl::expected<std::string, std::string> gltf_file_name(std::string_view uri) {
   if (has_scheme(uri)) {
-    return tl::unexpected(
-        fmt::format("URI {} has a scheme; expected a relative path or a data: URI", shown(uri)));
+    return tl::unexpected(fmt::format("URI {} has a scheme; expected a relative path or a data: URI", shown(uri)));
   }
   std::string name = percent_decoded(uri);
   const bool control =
       std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; });
   if (name.empty() || control) return tl::unexpected(fmt::format("URI {} is not a file name", shown(uri)));
   if (name.front() == '/' || name.front() == '\\') {
-    return tl::unexpected(
-        fmt::format("URI {} is absolute; expected a path relative to the file", shown(uri)));
+    return tl::unexpected(fmt::format("URI {} is absolute; expected a path relative to the file", shown(uri)));
   }
   return name;
 }

@@ -21,8 +21,7 @@ constexpr std::size_t kMaxBuildIdBytes = 256;
 constexpr std::size_t kMaxHostBytes = 255;
 constexpr double kMaxSeconds = 1e9;  // as in the job file
 constexpr double kMaxGrowth = 1000;
-constexpr std::uint64_t kSubPassesEnd = std::uint64_t{1}
-                                        << 32;  // the random streams count sub-passes in 32 bits
+constexpr std::uint64_t kSubPassesEnd = std::uint64_t{1} << 32;  // the random streams count sub-passes in 32 bits
 constexpr std::uint32_t kMaxThreads = 65536;
 constexpr auto kLastErrorKind = static_cast<std::uint32_t>(ErrorKind::kInternal);
 
@@ -64,13 +63,11 @@ void FieldChecks::range(double value, double least, double most, std::string_vie
 
 void FieldChecks::image(std::uint64_t width, std::uint64_t height) {
   expect(width >= 1 && width <= std::uint64_t{kMaxImageEdge}, "width", fmt::format("1 to {}", kMaxImageEdge));
-  expect(height >= 1 && height <= std::uint64_t{kMaxImageEdge}, "height",
-         fmt::format("1 to {}", kMaxImageEdge));
+  expect(height >= 1 && height <= std::uint64_t{kMaxImageEdge}, "height", fmt::format("1 to {}", kMaxImageEdge));
   expect(width * height <= kMaxPixels, "width", fmt::format("at most {} pixels in all", kMaxPixels));
 }
 
-void FieldChecks::blob(bool present, const wire::Blob& blob, std::string_view field,
-                       std::uint64_t most_bytes) {
+void FieldChecks::blob(bool present, const wire::Blob& blob, std::string_view field, std::uint64_t most_bytes) {
   expect(present, field, "a blob");
   expect(blob.sha256().size() == kSha256Bytes, fmt::format("{}.sha256", field), "32 bytes");
   expect(blob.bytes() <= most_bytes, fmt::format("{}.bytes", field), fmt::format("at most {}", most_bytes));
@@ -108,9 +105,11 @@ void FieldChecks::film(const wire::FilmOptions& options, const std::string& fiel
   checks.expect(options.alpha() > 0.0 && options.alpha() <= 1.0, "alpha", "a number above 0, at most 1");
   checks.range(options.round_growth(), 0.0, kMaxGrowth, "round_growth");
   checks.expect(options.extra() <= static_cast<std::uint32_t>(Extra::kBias), "extra", "a known kind of extra sums");
-  checks.expect(options.hit_points() >= 1 && options.hit_points() <= std::uint64_t{kMaxImageEdge}, "hit_points", "at least 1");
+  checks.expect(options.hit_points() >= 1 && options.hit_points() <= std::uint64_t{kMaxImageEdge}, "hit_points",
+                "at least 1");
   checks.image(std::uint64_t{options.width()} * options.hit_points(), options.height());
-  checks.expect(options.part_edge() <= std::uint64_t{kMaxImageEdge}, "part_edge", "at most the longest edge of an image");
+  checks.expect(options.part_edge() <= std::uint64_t{kMaxImageEdge}, "part_edge",
+                "at most the longest edge of an image");
   part(checks.wrong());
 }
 
@@ -148,8 +147,7 @@ std::optional<std::string> what_is_wrong(const wire::Heartbeat& heartbeat) {
   checks.build_id(heartbeat.build_id());
   checks.expect(wire::Heartbeat::Activity_IsValid(heartbeat.activity()), "activity", "a known activity");
   checks.name_or_empty(heartbeat.job_id(), "job_id");
-  for (int i = 0; i < heartbeat.held_size(); ++i)
-    checks.unit(heartbeat.held(i), fmt::format("held[{}]", i), true);
+  for (int i = 0; i < heartbeat.held_size(); ++i) checks.unit(heartbeat.held(i), fmt::format("held[{}]", i), true);
   checks.range(heartbeat.trace_seconds(), 0.0, kMaxSeconds, "trace_seconds");
   return checks.wrong();
 }
@@ -206,8 +204,7 @@ std::optional<std::string> what_is_wrong(const wire::ResultManifest& result) {
   checks.expect(result.largest_chunk_bytes() <= kMaxChunkBytes, "largest_chunk_bytes",
                 fmt::format("at most {}", kMaxChunkBytes));
   const bool prepare = result.kind() == wire::Task::PREPARE;
-  checks.expect(result.has_prepared() == prepare, "prepared",
-                prepare ? "film options" : "none for SUB_PASSES");
+  checks.expect(result.has_prepared() == prepare, "prepared", prepare ? "film options" : "none for SUB_PASSES");
   if (prepare) {
     checks.part(what_is_wrong(result.prepared()));
     const wire::FilmOptions& film = result.prepared().film();
@@ -258,9 +255,9 @@ std::optional<std::string> what_is_wrong(const wire::BlobPart& part) {
 std::optional<std::string> what_is_wrong(const wire::ResultReply& reply) {
   FieldChecks checks("ToWorker.result_reply.");
   checks.name(reply.job_id(), "job_id");
-  checks.expect(reply.verdict() != wire::ResultReply::VERDICT_UNSPECIFIED &&
-                    wire::ResultReply::Verdict_IsValid(reply.verdict()),
-                "verdict", "WANTED, ACCEPTED or REFUSED");
+  checks.expect(
+      reply.verdict() != wire::ResultReply::VERDICT_UNSPECIFIED && wire::ResultReply::Verdict_IsValid(reply.verdict()),
+      "verdict", "WANTED, ACCEPTED or REFUSED");
   checks.expect(static_cast<std::size_t>(reply.missing_size()) <= kMaxChunks, "missing",
                 fmt::format("at most {} chunks", kMaxChunks));
   std::uint64_t next = 0;
@@ -358,8 +355,7 @@ std::optional<std::string> what_is_wrong(const wire::Bundle& bundle) {
     checks.expect(before < path, field + ".path", "paths in ascending order, none twice");
     before = path;
     // Any folder of this path sorts before it, so that a file of that name has come already.
-    for (std::size_t slash = path.find('/'); slash != std::string_view::npos;
-         slash = path.find('/', slash + 1)) {
+    for (std::size_t slash = path.find('/'); slash != std::string_view::npos; slash = path.find('/', slash + 1)) {
       folders.insert(path.substr(0, slash));
     }
     checks.blob(file.has_content(), file.content(), field + ".content", kMaxBlobBytes);

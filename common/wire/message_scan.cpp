@@ -22,12 +22,10 @@ static_assert(kMaxBundleFiles <= kMaxUnits);
 
 class Scan {
  public:
-  std::optional<std::string> message(const Descriptor& schema, std::string_view bytes,
-                                     const std::string& place);
+  std::optional<std::string> message(const Descriptor& schema, std::string_view bytes, const std::string& place);
 
  private:
-  std::optional<std::string> field(const FieldDescriptor& field, std::string_view bytes,
-                                   const std::string& place);
+  std::optional<std::string> field(const FieldDescriptor& field, std::string_view bytes, const std::string& place);
 
   std::size_t unknown_ = 0;
 };
@@ -36,8 +34,7 @@ std::string path_of(const std::string& place, const FieldDescriptor& field) {
   return place.empty() ? field.name() : place + "." + field.name();
 }
 
-std::optional<std::string> Scan::message(const Descriptor& schema, std::string_view bytes,
-                                         const std::string& place) {
+std::optional<std::string> Scan::message(const Descriptor& schema, std::string_view bytes, const std::string& place) {
   const std::string where = place.empty() ? std::string(schema.name()) : place;
   std::map<int, std::size_t> seen;
   CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
@@ -71,8 +68,7 @@ std::optional<std::string> Scan::message(const Descriptor& schema, std::string_v
   return std::nullopt;
 }
 
-std::optional<std::string> Scan::field(const FieldDescriptor& field, std::string_view bytes,
-                                       const std::string& place) {
+std::optional<std::string> Scan::field(const FieldDescriptor& field, std::string_view bytes, const std::string& place) {
   // The schema has no message inside itself, so its depth bounds this recursion.
   if (field.type() == FieldDescriptor::TYPE_MESSAGE) return message(*field.message_type(), bytes, place);
   if (field.type() == FieldDescriptor::TYPE_STRING && !is_utf8(bytes)) return place + ": is not valid UTF-8";
@@ -87,9 +83,7 @@ std::optional<std::string> scan_message(const Descriptor& schema, std::string_vi
 
 bool is_utf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
-    const auto byte = [&](std::size_t k) {
-      return static_cast<std::uint32_t>(static_cast<unsigned char>(text[k]));
-    };
+    const auto byte = [&](std::size_t k) { return static_cast<std::uint32_t>(static_cast<unsigned char>(text[k])); };
     const std::uint32_t first = byte(i);
     if (first < 0x80) {
       ++i;

@@ -52,9 +52,7 @@ Result<wire::FromWorker> parse_from_worker(std::string_view bytes) {
 Result<wire::ToWorker> parse_to_worker(std::string_view bytes) {
   return parse<wire::ToWorker>(bytes, kMaxMessageBytes);
 }
-Result<wire::Bundle> parse_bundle(std::string_view bytes) {
-  return parse<wire::Bundle>(bytes, kMaxBundleBytes);
-}
+Result<wire::Bundle> parse_bundle(std::string_view bytes) { return parse<wire::Bundle>(bytes, kMaxBundleBytes); }
 
 std::string to_bytes(const google::protobuf::MessageLite& message) {
   std::string bytes;

@@ -9,13 +9,13 @@
 namespace pf {
 
 // The farm's two cores (coordinator/farm.h, worker/farm/session.h) do no input or output themselves: they are told what
-// happened and act through the ports below. Over NATS JetStream the ports are nats_ports.h; in tests a simulation with a
-// fake clock stands behind them. All calls of one core come from one thread.
+// happened and act through the ports below. Over NATS JetStream the ports are nats_ports.h; in tests a simulation with
+// a fake clock stands behind them. All calls of one core come from one thread.
 
 /// A task as the engine handed it out.
 struct Delivery {
-  std::uint64_t handle = 0;   ///< for acknowledge() and the like; means nothing elsewhere
-  std::string bytes;          ///< a wire Task
+  std::uint64_t handle = 0;  ///< for acknowledge() and the like; means nothing elsewhere
+  std::string bytes;         ///< a wire Task
 };
 
 /// What the coordinator does to the outside.
@@ -34,8 +34,8 @@ class CoordinatorPort {
 class WorkerPort {
  public:
   virtual ~WorkerPort() = default;
-  /// Asks for one task. Answered by on_task, or by on_no_task after at most `seconds` (0: at once when the queue is empty).
-  /// One request at a time.
+  /// Asks for one task. Answered by on_task, or by on_no_task after at most `seconds` (0: at once when the queue is
+  /// empty). One request at a time.
   virtual void fetch_task(double seconds) = 0;
   /// The task is done with and goes from the queue.
   virtual void acknowledge(std::uint64_t handle) = 0;

@@ -45,8 +45,7 @@ bool are_radii(const PackedColumns& columns, std::size_t count) {
       const std::size_t n = std::min(kBlock, count - begin);
       read_block(column, count, begin, n, deltas);
       // Both below 2^32: the sum cannot wrap.
-      for (std::size_t i = 0; i < n; ++i)
-        good &= static_cast<std::uint64_t>(column.base) + deltas[i] < end;
+      for (std::size_t i = 0; i < n; ++i) good &= static_cast<std::uint64_t>(column.base) + deltas[i] < end;
     }
   }
   return good;
@@ -60,8 +59,7 @@ void set(const PackedColumns& columns, ProgressivePixel* pixels, std::size_t cou
       read_block(columns[c], count, begin, n, deltas);
       for (std::size_t i = 0; i < n; ++i) {
         const auto bits = static_cast<std::uint32_t>(static_cast<std::uint64_t>(columns[c].base) + deltas[i]);
-        std::memcpy(reinterpret_cast<std::byte*>(pixels + begin + i) + kColumns[c].offset, &bits,
-                    sizeof bits);
+        std::memcpy(reinterpret_cast<std::byte*>(pixels + begin + i) + kColumns[c].offset, &bits, sizeof bits);
       }
     }
   }
@@ -78,8 +76,8 @@ Result<Hash128> pack_state(const std::vector<ProgressivePixel>& state,
     if (!out) return tl::unexpected(out.error());
     const auto index = static_cast<std::uint32_t>(begin / kTilePixels);
     (*out)->append(reinterpret_cast<const char*>(&index), sizeof index);
-    pack_columns({reinterpret_cast<const std::byte*>(state.data() + begin), sizeof(ProgressivePixel), count},
-                 kColumns, **out);
+    pack_columns({reinterpret_cast<const std::byte*>(state.data() + begin), sizeof(ProgressivePixel), count}, kColumns,
+                 **out);
   }
   return writer.finish();
 }
@@ -89,8 +87,7 @@ struct StateUnpacker::State {
   std::size_t next_tile = 0;
 };
 
-StateUnpacker::StateUnpacker(std::vector<ProgressivePixel>& into)
-    : into_(into), state_(std::make_unique<State>()) {}
+StateUnpacker::StateUnpacker(std::vector<ProgressivePixel>& into) : into_(into), state_(std::make_unique<State>()) {}
 StateUnpacker::~StateUnpacker() = default;
 StateUnpacker::StateUnpacker(StateUnpacker&&) noexcept = default;
 
@@ -112,8 +109,7 @@ Result<void> StateUnpacker::add(std::string_view chunk) {
       const std::size_t begin = expected * kTilePixels;
       const std::size_t count = std::min(kTilePixels, into_.size() - begin);
       PackedColumns columns;
-      if (!take_columns(rest, kColumns, count, columns))
-        return refuse(fmt::format("tile {} is malformed", expected));
+      if (!take_columns(rest, kColumns, count, columns)) return refuse(fmt::format("tile {} is malformed", expected));
       if (setting) {
         set(columns, into_.data() + begin, count);
       } else if (!are_radii(columns, count)) {

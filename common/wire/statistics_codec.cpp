@@ -1,7 +1,7 @@
 // Tiles of pixel and feature sums (magic "PFS1"), inside the chunks of chunk.h:
 //   u32  index of the tile
-//   u8   parts: bit 0 pixel sums, bit 1 feature sums, bit 2 extra sums; the others are all zero. Never none: such a tile is
-//   left out then the columns (columns.h) of each part: direct, flow, square, photons; albedo, normal,
+//   u8   parts: bit 0 pixel sums, bit 1 feature sums, bit 2 extra sums; the others are all zero. Never none: such a
+//   tile is left out then the columns (columns.h) of each part: direct, flow, square, photons; albedo, normal,
 //   depth_and_samples; rgb, marks
 // A tile holds kTilePixels pixels, the last one of the image what is left.
 
@@ -30,22 +30,17 @@ constexpr std::size_t at(std::size_t member, std::size_t element, std::size_t by
 constexpr std::array kPixelColumns = [] {
   std::array<Column, 12> columns{};
   std::size_t i = 0;
-  for (std::size_t c = 0; c < 3; ++c)
-    columns[i++] = {at(offsetof(PixelSums, direct), c, 8), ColumnType::kInt64};
-  for (std::size_t c = 0; c < 3 * kFlows; ++c)
-    columns[i++] = {at(offsetof(PixelSums, flow), c, 8), ColumnType::kInt64};
+  for (std::size_t c = 0; c < 3; ++c) columns[i++] = {at(offsetof(PixelSums, direct), c, 8), ColumnType::kInt64};
+  for (std::size_t c = 0; c < 3 * kFlows; ++c) columns[i++] = {at(offsetof(PixelSums, flow), c, 8), ColumnType::kInt64};
   columns[i++] = {offsetof(PixelSums, square), ColumnType::kInt64};
-  for (std::size_t f = 0; f < kFlows; ++f)
-    columns[i++] = {at(offsetof(PixelSums, photons), f, 4), ColumnType::kUint32};
+  for (std::size_t f = 0; f < kFlows; ++f) columns[i++] = {at(offsetof(PixelSums, photons), f, 4), ColumnType::kUint32};
   return columns;
 }();
 constexpr std::array kFeatureColumns = [] {
   std::array<Column, 7> columns{};
   std::size_t i = 0;
-  for (std::size_t c = 0; c < 3; ++c)
-    columns[i++] = {at(offsetof(FeatureSums, albedo), c, 2), ColumnType::kInt16};
-  for (std::size_t c = 0; c < 3; ++c)
-    columns[i++] = {at(offsetof(FeatureSums, normal), c, 2), ColumnType::kInt16};
+  for (std::size_t c = 0; c < 3; ++c) columns[i++] = {at(offsetof(FeatureSums, albedo), c, 2), ColumnType::kInt16};
+  for (std::size_t c = 0; c < 3; ++c) columns[i++] = {at(offsetof(FeatureSums, normal), c, 2), ColumnType::kInt16};
   columns[i++] = {offsetof(FeatureSums, depth_and_samples), ColumnType::kUint32};
   return columns;
 }();
@@ -58,9 +53,9 @@ constexpr std::array kExtraColumns = [] {
 static_assert(sizeof(PixelSums) == 88 && sizeof(FeatureSums) == 16 && sizeof(ExtraSums) == 32,
               "a member was added: it needs a column");
 
-constexpr std::size_t kMostStatisticsTileBytes =
-    kTileHeaderBytes + most_bytes(kPixelColumns, kTilePixels) + most_bytes(kFeatureColumns, kTilePixels) +
-    most_bytes(kExtraColumns, kTilePixels);
+constexpr std::size_t kMostStatisticsTileBytes = kTileHeaderBytes + most_bytes(kPixelColumns, kTilePixels) +
+                                                 most_bytes(kFeatureColumns, kTilePixels) +
+                                                 most_bytes(kExtraColumns, kTilePixels);
 
 template <typename Record>
 Records records_of(const std::vector<Record>& records, std::size_t begin, std::size_t count) {
@@ -109,8 +104,8 @@ struct Trouble {
 enum class Direction { kAdd, kTakeOff };
 
 template <Direction kDirection, typename T>
-void apply_column(const PackedColumn& column, std::byte* first, std::size_t stride, std::size_t n,
-                  const Block& deltas, Trouble& trouble) {
+void apply_column(const PackedColumn& column, std::byte* first, std::size_t stride, std::size_t n, const Block& deltas,
+                  Trouble& trouble) {
   bool malformed = false;
   bool overflow = false;
   for (std::size_t i = 0; i < n; ++i) {
@@ -131,8 +126,8 @@ void apply_column(const PackedColumn& column, std::byte* first, std::size_t stri
 }
 
 template <Direction kDirection>
-void apply_block(const PackedColumn& column, std::byte* first, std::size_t stride, std::size_t n,
-                 const Block& deltas, Trouble& trouble) {
+void apply_block(const PackedColumn& column, std::byte* first, std::size_t stride, std::size_t n, const Block& deltas,
+                 Trouble& trouble) {
   switch (column.type) {
     case ColumnType::kInt64:
       return apply_column<kDirection, std::int64_t>(column, first, stride, n, deltas, trouble);
@@ -159,8 +154,7 @@ void apply_part(std::span<const Column> columns, std::span<const PackedColumn> p
 
 /// Depth and samples share a word: their sum must not carry from the samples into the depth.
 template <Direction kDirection>
-void check_samples(const PackedColumn& packed, const FeatureSums* records, std::size_t count,
-                   Trouble& trouble) {
+void check_samples(const PackedColumn& packed, const FeatureSums* records, std::size_t count, Trouble& trouble) {
   Block deltas;
   for (std::size_t begin = 0; begin < count; begin += kBlock) {
     const std::size_t n = std::min(kBlock, count - begin);
@@ -201,13 +195,12 @@ Result<Walk> walk(const ChunkContent& content, std::size_t image_pixels, std::si
   Tile tile;
   for (std::uint32_t i = 0; i < content.tiles; ++i) {
     if (!take_tile(rest, image_pixels, tile)) {
-      return fail(ErrorKind::kInvalidInput,
-                  fmt::format("chunk refused: tile {} of {} is malformed", i, content.tiles));
+      return fail(ErrorKind::kInvalidInput, fmt::format("chunk refused: tile {} of {} is malformed", i, content.tiles));
     }
     if (tile.index < walk.end_tile) {
       return fail(ErrorKind::kInvalidInput,
-                  fmt::format("chunk refused: tile {} comes twice or out of order; expected {} or more",
-                              tile.index, walk.end_tile));
+                  fmt::format("chunk refused: tile {} comes twice or out of order; expected {} or more", tile.index,
+                              walk.end_tile));
     }
     walk.end_tile = std::size_t{tile.index} + 1;
     walk.features |= (tile.parts & kFeatures) != 0;
@@ -234,8 +227,7 @@ Result<void> apply(const ChunkContent& content, Statistics& into) {
       apply_tile<kBack>(tile, into, ignored);
     }
     if (trouble.malformed)
-      return fail(ErrorKind::kInvalidInput,
-                  fmt::format("chunk refused: tile {} holds impossible values", done));
+      return fail(ErrorKind::kInvalidInput, fmt::format("chunk refused: tile {} holds impossible values", done));
     return fail(ErrorKind::kInternal,
                 kDirection == Direction::kAdd
                     ? fmt::format("statistics: sums of tile {} overflow", tile.index)
@@ -252,9 +244,8 @@ Result<ChunkContent> open_statistics(std::string_view chunk, const Statistics& i
 
 PackedStatistics pack_statistics(const Statistics& statistics) {
   PackedStatistics packed;
-  packed.raw_bytes =
-      statistics.pixels.size() * sizeof(PixelSums) + statistics.features.size() * sizeof(FeatureSums) +
-      statistics.extras.size() * sizeof(ExtraSums);
+  packed.raw_bytes = statistics.pixels.size() * sizeof(PixelSums) + statistics.features.size() * sizeof(FeatureSums) +
+                     statistics.extras.size() * sizeof(ExtraSums);
   ChunkWriter writer(kStatisticsMagic, [&](std::string_view chunk) -> Result<void> {
     packed.chunks.emplace_back(chunk);
     return {};
@@ -270,8 +261,7 @@ PackedStatistics pack_statistics(const Statistics& statistics) {
     const auto index = static_cast<std::uint32_t>(begin / kTilePixels);
     out.append(reinterpret_cast<const char*>(&index), sizeof index).push_back(static_cast<char>(parts));
     if ((parts & kPixels) != 0) pack_columns(records_of(statistics.pixels, begin, count), kPixelColumns, out);
-    if ((parts & kFeatures) != 0)
-      pack_columns(records_of(statistics.features, begin, count), kFeatureColumns, out);
+    if ((parts & kFeatures) != 0) pack_columns(records_of(statistics.features, begin, count), kFeatureColumns, out);
     if ((parts & kExtras) != 0) pack_columns(records_of(statistics.extras, begin, count), kExtraColumns, out);
   }
   packed.content = writer.finish().value();

@@ -45,13 +45,11 @@ std::optional<Role> needed_role(std::string_view method, std::string_view path) 
   if (path == "/v1/health" || (reads && (path == "/" || is_below(path, "/assets")))) return std::nullopt;
   if (is_below(path, "/v1/tokens")) return Role::kAdmin;
   if (reads) return Role::kRead;
-  const bool of_jobs =
-      is_below(path, "/v1/jobs") || is_below(path, "/v1/estimates") || is_below(path, "/v1/blobs");
+  const bool of_jobs = is_below(path, "/v1/jobs") || is_below(path, "/v1/estimates") || is_below(path, "/v1/blobs");
   return of_jobs && method != "DELETE" ? Role::kSubmit : Role::kAdmin;
 }
 
-std::optional<HttpReply> refused_access(HttpRequest& request, const TokenStore& tokens,
-                                        RateLimiter& limiter) {
+std::optional<HttpReply> refused_access(HttpRequest& request, const TokenStore& tokens, RateLimiter& limiter) {
   const auto needed = needed_role(request.method, request.path);
   if (!needed) return std::nullopt;
   constexpr std::string_view kScheme = "Bearer ";
@@ -61,9 +59,9 @@ std::optional<HttpReply> refused_access(HttpRequest& request, const TokenStore& 
   if (!caller) return unauthorized();
   request.caller = std::move(*caller);
   if (const double seconds = limiter.take(request.caller.name); seconds > 0) {
-    HttpReply reply = problem(
-        429, "too-many-requests",
-        fmt::format("the token '{}' asks too often; try again in {:.1f} s", request.caller.name, seconds));
+    HttpReply reply =
+        problem(429, "too-many-requests",
+                fmt::format("the token '{}' asks too often; try again in {:.1f} s", request.caller.name, seconds));
     reply.headers.emplace_back("Retry-After", fmt::format("{:.0f}", std::ceil(seconds)));
     return reply;
   }

@@ -29,8 +29,7 @@ std::optional<std::uint64_t> content_length(const HttpRequest& request) {
 }
 
 HttpReply not_a_hash() {
-  return problem(400, "bad-request",
-                 "the name of a blob: expected 64 lower-case hexadecimal digits of a SHA-256");
+  return problem(400, "bad-request", "the name of a blob: expected 64 lower-case hexadecimal digits of a SHA-256");
 }
 
 HttpReply empty_reply(int status) {
@@ -87,8 +86,8 @@ HttpReply HttpRoutes::artifact(const HttpRequest& request, const std::string& id
   }
   if (range.kind == ByteRange::Kind::kPart) {
     reply.status = 206;
-    reply.headers.emplace_back("Content-Range", fmt::format("bytes {}-{}/{}", range.offset,
-                                                            range.offset + range.bytes - 1, file->bytes()));
+    reply.headers.emplace_back(
+        "Content-Range", fmt::format("bytes {}-{}/{}", range.offset, range.offset + range.bytes - 1, file->bytes()));
   }
   reply.body = FileSlice{file, range.offset, range.bytes};
   return reply;
@@ -101,8 +100,8 @@ HttpReply HttpRoutes::head_blob(const HttpRequest&, const Captures& captures) {
   const std::uint64_t bytes = std::filesystem::file_size(store_.path_of({captures[0], 0}), error);
   if (error || !store_.has({captures[0], bytes})) return problem(404, "not-found", "no such blob");
   // Asked for, it is needed soon: it must not be swept away as a stray one before its job is submitted.
-  std::filesystem::last_write_time(store_.path_of({captures[0], bytes}),
-                                   std::filesystem::file_time_type::clock::now(), error);
+  std::filesystem::last_write_time(store_.path_of({captures[0], bytes}), std::filesystem::file_time_type::clock::now(),
+                                   error);
   return empty_reply(200);
 }
 
@@ -125,8 +124,7 @@ HttpReply HttpRoutes::put_blob(const HttpRequest& request, const Captures& captu
   const auto length = content_length(request);
   if (!length) return problem(411, "length-required", "expected a Content-Length");
   if (*length > kMaxBlobBytes) {
-    return problem(413, "too-large",
-                   fmt::format("the blob has {} bytes; expected at most {}", *length, kMaxBlobBytes));
+    return problem(413, "too-large", fmt::format("the blob has {} bytes; expected at most {}", *length, kMaxBlobBytes));
   }
   // A store of its own over the same folder: slow uploads do not wait for each other. Only their beginnings
   // do, because opening a store removes files that nobody has locked yet.
@@ -147,8 +145,7 @@ HttpReply HttpRoutes::put_blob(const HttpRequest& request, const Captures& captu
     if (!stored) return stored;
     if (!whole || bytes != *length) return fail(ErrorKind::kInvalidInput, "the blob did not come whole");
     if (hash.hex() != name) {
-      return fail(ErrorKind::kInvalidInput,
-                  fmt::format("the content's SHA-256 is {}; expected {}", hash.hex(), name));
+      return fail(ErrorKind::kInvalidInput, fmt::format("the content's SHA-256 is {}; expected {}", hash.hex(), name));
     }
     return {};
   });

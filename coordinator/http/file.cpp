@@ -18,8 +18,8 @@ Result<OpenFile> OpenFile::open(const std::filesystem::path& file) {
   OpenFile opened(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct ::stat status = {};
   if (opened.fd_ < 0 || ::fstat(opened.fd_, &status) != 0) {
-    return fail(ErrorKind::kUnavailable, fmt::format("{}: cannot open: {}", file.filename().string(),
-                                                     std::generic_category().message(errno)));
+    return fail(ErrorKind::kUnavailable,
+                fmt::format("{}: cannot open: {}", file.filename().string(), std::generic_category().message(errno)));
   }
   if (!S_ISREG(status.st_mode)) {
     return fail(ErrorKind::kUnavailable, fmt::format("{}: not a regular file", file.filename().string()));
@@ -41,8 +41,7 @@ std::string OpenFile::read(std::uint64_t offset, std::size_t count) const {
   std::string bytes(count, '\0');
   std::size_t filled = 0;
   while (filled < count) {
-    const ssize_t got =
-        ::pread(fd_, bytes.data() + filled, count - filled, static_cast<off_t>(offset + filled));
+    const ssize_t got = ::pread(fd_, bytes.data() + filled, count - filled, static_cast<off_t>(offset + filled));
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) break;
     filled += static_cast<std::size_t>(got);

@@ -75,15 +75,10 @@ json to_json(const WorkerView& worker) {
 }
 
 json to_json(const UnitView& unit) {
-  return {{"first", unit.first},
-          {"count", unit.count},
-          {"part", unit.part.empty() ? json() : json(unit.part)},
-          {"state", unit.state},
-          {"attempts", unit.attempts},
-          {"worker", unit.worker},
-          {"seconds", unit.seconds},
-          {"result", unit.result},
-          {"sums_hash", unit.sums_hash}};
+  return {
+      {"first", unit.first},     {"count", unit.count},       {"part", unit.part.empty() ? json() : json(unit.part)},
+      {"state", unit.state},     {"attempts", unit.attempts}, {"worker", unit.worker},
+      {"seconds", unit.seconds}, {"result", unit.result},     {"sums_hash", unit.sums_hash}};
 }
 
 json to_json(const ConvergencePoint& point) {
@@ -102,9 +97,7 @@ json to_json(const LogEntry& entry) {
           {"text", entry.text}};
 }
 
-std::string json_line(const json& value) {
-  return value.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
-}
+std::string json_line(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace) + "\n"; }
 
 std::string_view place_of(std::string_view message) {
   // From the left, the first `:digits:digits: `: file names may hold colons, and details may quote places of
@@ -114,8 +107,7 @@ std::string_view place_of(std::string_view message) {
     while (end < message.size() && std::isdigit(static_cast<unsigned char>(message[end])) != 0) ++end;
     return end;
   };
-  for (std::size_t colon = message.find(':'); colon != std::string_view::npos;
-       colon = message.find(':', colon + 1)) {
+  for (std::size_t colon = message.find(':'); colon != std::string_view::npos; colon = message.find(':', colon + 1)) {
     const std::size_t line = digits(colon + 1);
     if (colon == 0 || line == colon + 1 || line >= message.size() || message[line] != ':') continue;
     const std::size_t column = digits(line + 1);

@@ -40,6 +40,12 @@ struct FileSlice {
   std::uint64_t bytes = 0;
 };
 
+/// Bytes that others read too, which `owner` keeps.
+struct SharedBytes {
+  std::shared_ptr<const void> owner;
+  std::string_view bytes;
+};
+
 /// Appends the next piece of a stream, or nothing when there is none within a fraction of a second; false at
 /// its end.
 using NextPiece = std::function<bool(std::string& piece)>;
@@ -48,7 +54,7 @@ struct HttpReply {
   int status = 200;
   std::string content_type = "application/json";
   std::vector<std::pair<std::string, std::string>> headers;
-  std::variant<std::string, FileSlice, NextPiece> body;
+  std::variant<std::string, FileSlice, SharedBytes, NextPiece> body;
 };
 
 /// The number that `text` is, when it is decimal digits and nothing else.

@@ -46,8 +46,7 @@ Result<void> Notifier::load() {
     }
   } catch (const json::exception&) {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: is damaged; remove it: jobs that ended so far are then not told of",
-                            file_.string()));
+                fmt::format("{}: is damaged; remove it: jobs that ended so far are then not told of", file_.string()));
   }
   return {};
 }
@@ -72,8 +71,7 @@ Result<void> Notifier::look(const std::vector<JobView>& jobs) {
     if (!has_ended(job.state) || job.ended_unix_ms < since_ || job.ended_unix_ms == last) continue;
     noted[job.id] = job.ended_unix_ms;
     const std::string id = fmt::format("{}-{}", job.id, job.ended_unix_ms);
-    pending_[id] = {json_line({{"event", "job.ended"}, {"delivery", id}, {"job", to_json(job)}}), 0,
-                    unix_ms_()};
+    pending_[id] = {json_line({{"event", "job.ended"}, {"delivery", id}, {"job", to_json(job)}}), 0, unix_ms_()};
     changed = true;
   }
   changed = changed || noted.size() != noted_.size();
@@ -82,8 +80,7 @@ Result<void> Notifier::look(const std::vector<JobView>& jobs) {
 }
 
 std::optional<Notice> Notifier::due() const {
-  const auto earliest =
-      std::ranges::min_element(pending_, {}, [](const auto& p) { return p.second.next_unix_ms; });
+  const auto earliest = std::ranges::min_element(pending_, {}, [](const auto& p) { return p.second.next_unix_ms; });
   if (earliest == pending_.end() || earliest->second.next_unix_ms > unix_ms_()) return std::nullopt;
   return Notice{earliest->first, earliest->second.body};
 }
@@ -97,8 +94,7 @@ Result<bool> Notifier::tried(const std::string& id, bool arrived) {
     goes_on = arrived;
     pending_.erase(found);
   } else {
-    pending.next_unix_ms =
-        unix_ms_() + std::min(kLongestPause, kFirstPause << std::min(pending.attempts - 1, 20));
+    pending.next_unix_ms = unix_ms_() + std::min(kLongestPause, kFirstPause << std::min(pending.attempts - 1, 20));
   }
   if (auto saved = save(); !saved) return tl::unexpected(saved.error());
   return goes_on;

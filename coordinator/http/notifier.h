@@ -31,8 +31,7 @@ class Notifier {
 
   /// Jobs that ended before the file was made are not told of. Errors: kInvalidInput for a broken file,
   /// kInternal.
-  [[nodiscard]] static Result<Notifier> open(std::filesystem::path file,
-                                             std::function<std::int64_t()> unix_ms);
+  [[nodiscard]] static Result<Notifier> open(std::filesystem::path file, std::function<std::int64_t()> unix_ms);
 
   /// Notes the jobs that have ended since the last look.
   [[nodiscard]] Result<void> look(const std::vector<JobView>& jobs);
@@ -62,7 +61,6 @@ class Notifier {
 
 /// `t=SECONDS,v1=HEX`: HMAC-SHA256 under `secret` of `SECONDS.BODY`. The time is part of it, so that a
 /// receiver can refuse what somebody recorded and sends again later.
-[[nodiscard]] std::string webhook_signature(std::string_view secret, std::int64_t unix_seconds,
-                                            std::string_view body);
+[[nodiscard]] std::string webhook_signature(std::string_view secret, std::int64_t unix_seconds, std::string_view body);
 
 }  // namespace pf

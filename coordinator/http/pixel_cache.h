@@ -26,8 +26,7 @@ class PixelCache {
   /// What `make` gave for `key` while `state` was the same. `may_lag`: also a former state's while making
   /// images would take more than a twenty-fifth of the time; the caller sees from its passes that there is a
   /// newer one to come.
-  [[nodiscard]] Result<Pixels> get(const std::string& key, const std::string& state, bool may_lag,
-                                   const Make& make);
+  [[nodiscard]] Result<Pixels> get(const std::string& key, const std::string& state, bool may_lag, const Make& make);
 
  private:
   using Instant = std::chrono::steady_clock::time_point;

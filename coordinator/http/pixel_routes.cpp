@@ -4,7 +4,7 @@
 
 #include <bit>
 #include <charconv>
-#include <cstring>
+#include <span>
 #include <system_error>
 
 #include "coordinator/http/json.h"
@@ -21,8 +21,7 @@ std::optional<int> width_of(const std::string& text) {
   if (text.empty()) return kDefaultWidth;
   int width = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), width);
-  const bool fits =
-      error == std::errc() && end == text.data() + text.size() && width >= 1 && width <= kMaxPixelsWidth;
+  const bool fits = error == std::errc() && end == text.data() + text.size() && width >= 1 && width <= kMaxPixelsWidth;
   return fits ? std::optional(width) : std::nullopt;
 }
 
@@ -50,8 +49,7 @@ HttpReply HttpRoutes::layers(const HttpRequest&, const Captures& captures) {
   }
   HttpReply reply;
   reply.headers.emplace_back("Cache-Control", "no-store");
-  reply.body = json_line(
-      {{"layers", names}, {"channels", channels}, {"width", list->width}, {"height", list->height}});
+  reply.body = json_line({{"layers", names}, {"channels", channels}, {"width", list->width}, {"height", list->height}});
   return reply;
 }
 
@@ -60,29 +58,26 @@ HttpReply HttpRoutes::pixels(const HttpRequest& request, const Captures& capture
   const std::string layer = request.param("layer").empty() ? "beauty" : request.param("layer");
   const auto width = width_of(request.param("max_width"));
   if (!width)
-    return problem(400, "bad-request",
-                   fmt::format("max_width: expected a whole number from 1 to {}", kMaxPixelsWidth));
+    return problem(400, "bad-request", fmt::format("max_width: expected a whole number from 1 to {}", kMaxPixelsWidth));
   const auto job = service_.show(id);
   if (!job) return failure(job.error());
   // A job's image is a matter of its sub-passes alone; ended, it lies in a file.
   const bool ended = has_ended(job->state);
   const std::string state = fmt::format("{}-{}", ended ? "end" : "run", job->passes_done);
-  const auto made = pixel_cache_.get(fmt::format("{}/{}/{}", id, layer, *width), state, !ended,
-                                     [&]() -> Result<LayerPixels> {
-                                       auto pixels = service_.pixels(id, layer, *width);
-                                       if (pixels || pixels.error().kind != ErrorKind::kUnavailable)
-                                         return pixels;
-                                       const auto exr = service_.artifact(id, Artifact::kExr);
-                                       if (!exr) return pixels;
-                                       const auto image = read_layer(*exr, layer);
-                                       if (!image) return tl::unexpected(image.error());
-                                       pixels = layer_pixels(rows_of(*image), layer, *width);
-                                       if (pixels) pixels->passes = job->passes_done;
-                                       return pixels;
-                                     });
+  const auto made =
+      pixel_cache_.get(fmt::format("{}/{}/{}", id, layer, *width), state, !ended, [&]() -> Result<LayerPixels> {
+        auto pixels = service_.pixels(id, layer, *width);
+        if (pixels || pixels.error().kind != ErrorKind::kUnavailable) return pixels;
+        const auto exr = service_.artifact(id, Artifact::kExr);
+        if (!exr) return pixels;
+        const auto image = read_layer(*exr, layer);
+        if (!image) return tl::unexpected(image.error());
+        pixels = layer_pixels(rows_of(*image), layer, *width);
+        if (pixels) pixels->passes = job->passes_done;
+        return pixels;
+      });
   if (!made) {
-    if (made.error().kind == ErrorKind::kInvalidInput)
-      return problem(400, "bad-request", made.error().message);
+    if (made.error().kind == ErrorKind::kInvalidInput) return problem(400, "bad-request", made.error().message);
     return failure(made.error(), kNotYet);
   }
   const LayerPixels& pixels = **made;
@@ -99,9 +94,8 @@ HttpReply HttpRoutes::pixels(const HttpRequest& request, const Captures& capture
     return reply;
   }
   static_assert(std::endian::native == std::endian::little);
-  std::string bytes(pixels.rgb.size() * sizeof(pixels.rgb[0]), '\0');
-  std::memcpy(bytes.data(), pixels.rgb.data(), bytes.size());
-  reply.body = std::move(bytes);
+  const auto bytes = std::as_bytes(std::span(pixels.rgb));
+  reply.body = SharedBytes{*made, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
   return reply;
 }
 

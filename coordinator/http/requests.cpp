@@ -57,8 +57,7 @@ bool is_sha256(std::string_view text) {
 
 Result<std::pair<std::string, BlobId>> parse_file(const json& file, std::size_t index) {
   const auto place = [&](std::string_view member) { return fmt::format("files[{}].{}", index, member); };
-  if (!file.is_object())
-    return bad(fmt::format("files[{}] is not an object; expected path, sha256, bytes", index));
+  if (!file.is_object()) return bad(fmt::format("files[{}] is not an object; expected path, sha256, bytes", index));
   const auto text = [&](const char* member) {
     const auto found = file.find(member);
     return found != file.end() && found->is_string() ? found->get<std::string>() : std::string();
@@ -107,8 +106,7 @@ std::optional<std::string_view> take_count(const json& value, std::optional<std:
 }
 
 std::optional<std::string_view> take_number(const json& value, std::optional<double>& to) {
-  if (!value.is_number() || !std::isfinite(value.get<double>()) || value.get<double>() < 0)
-    return "a number from 0";
+  if (!value.is_number() || !std::isfinite(value.get<double>()) || value.get<double>() < 0) return "a number from 0";
   to = value.get<double>();
   return std::nullopt;
 }
@@ -121,24 +119,21 @@ Result<Submission> parse_submission(std::string body, FilesMember files) {
   json& document = *parsed;
   if (files == FilesMember::kOptional && !document.contains("files")) document["files"] = json::array();
   for (const auto& [key, value] : document.items()) {
-    if (key != "spec" && key != "files")
-      return bad(fmt::format("unknown member '{}'; expected spec and files", key));
+    if (key != "spec" && key != "files") return bad(fmt::format("unknown member '{}'; expected spec and files", key));
   }
   if (!document.contains("spec") || !document["spec"].is_object()) {
     return bad("spec: expected an object, the job model as JSON");
   }
   if (!document.contains("files") || !document["files"].is_array()) return bad("files: expected an array");
   if (document["files"].size() > kMaxBundleFiles) {
-    return bad(
-        fmt::format("files: {} of them; expected at most {}", document["files"].size(), kMaxBundleFiles));
+    return bad(fmt::format("files: {} of them; expected at most {}", document["files"].size(), kMaxBundleFiles));
   }
   Submission submission;
   std::set<std::string> paths;
   for (std::size_t i = 0; i < document["files"].size(); ++i) {
     auto file = parse_file(document["files"][i], i);
     if (!file) return tl::unexpected(file.error());
-    if (!paths.insert(file->first).second)
-      return bad(fmt::format("files[{}].path: '{}' comes twice", i, file->first));
+    if (!paths.insert(file->first).second) return bad(fmt::format("files[{}].path: '{}' comes twice", i, file->first));
     submission.files.push_back(std::move(*file));
   }
   const auto [begin, length] = extent_of_member(body, "spec");
@@ -166,14 +161,13 @@ Result<bool> parse_cancel(const std::string& body) {
 
 Result<StopChange> parse_stops(const std::string& body) {
   StopChange stops;
-  const auto taken =
-      take_members(body, R"({"passes": N, "seconds": S, "error": E}, at least one of them)",
-                   [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
-                     if (key == "passes") return take_count(value, stops.passes);
-                     if (key == "seconds") return take_number(value, stops.seconds);
-                     if (key == "error") return take_number(value, stops.error);
-                     return "";
-                   });
+  const auto taken = take_members(body, R"({"passes": N, "seconds": S, "error": E}, at least one of them)",
+                                  [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
+                                    if (key == "passes") return take_count(value, stops.passes);
+                                    if (key == "seconds") return take_number(value, stops.seconds);
+                                    if (key == "error") return take_number(value, stops.error);
+                                    return "";
+                                  });
   if (!taken) return tl::unexpected(taken.error());
   return stops;
 }
@@ -187,13 +181,12 @@ Result<JobChange> parse_change(const std::string& body) {
     if (!wrong) to = static_cast<int>(std::min(*number, kMost));
     return wrong;
   };
-  const auto taken =
-      take_members(body, R"({"priority": 0..100, "max_workers": N}, at least one of them)",
-                   [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
-                     if (key == "priority") return whole(value, change.priority);
-                     if (key == "max_workers") return whole(value, change.max_workers);
-                     return "";
-                   });
+  const auto taken = take_members(body, R"({"priority": 0..100, "max_workers": N}, at least one of them)",
+                                  [&](const std::string& key, const json& value) -> std::optional<std::string_view> {
+                                    if (key == "priority") return whole(value, change.priority);
+                                    if (key == "max_workers") return whole(value, change.max_workers);
+                                    return "";
+                                  });
   if (!taken) return tl::unexpected(taken.error());
   return change;
 }

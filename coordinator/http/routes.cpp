@@ -83,12 +83,12 @@ Result<std::unique_ptr<HttpRoutes>> HttpRoutes::make(Options options, JobService
   if (!store) return tl::unexpected(store.error());
   auto tokens = TokenStore::open(options.state, options.token);
   if (!tokens) return tl::unexpected(tokens.error());
-  return std::unique_ptr<HttpRoutes>(new HttpRoutes(std::move(options), service, log, std::move(stop),
-                                                    std::move(*store), std::move(*tokens)));
+  return std::unique_ptr<HttpRoutes>(
+      new HttpRoutes(std::move(options), service, log, std::move(stop), std::move(*store), std::move(*tokens)));
 }
 
-HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop,
-                       BlobStore store, std::unique_ptr<TokenStore> tokens)
+HttpRoutes::HttpRoutes(Options options, JobService& service, const Log& log, std::stop_token stop, BlobStore store,
+                       std::unique_ptr<TokenStore> tokens)
     : options_(std::move(options)),
       service_(service),
       log_(log),
@@ -169,8 +169,7 @@ HttpReply HttpRoutes::route(HttpRequest& request, std::string_view& answering) {
     answering = "/";
     return std::move(*page);
   }
-  if (!request.path.starts_with('/'))
-    return problem(404, "not-found", "no such address; expected one below /v1/");
+  if (!request.path.starts_with('/')) return problem(404, "not-found", "no such address; expected one below /v1/");
   const std::vector<std::string_view> parts = parts_of(request.path);
   std::vector<std::string_view> allowed;
   for (const Route& route : routes()) {
@@ -246,15 +245,15 @@ tl::expected<std::string, HttpReply> HttpRoutes::json_body(const HttpRequest& re
   if (!length) return tl::unexpected(problem(411, "length-required", "expected a Content-Length"));
   if (*length > options_.max_body_bytes) {
     return tl::unexpected(problem(
-        413, "too-large",
-        fmt::format("the body has {} bytes; expected at most {}", *length, options_.max_body_bytes)));
+        413, "too-large", fmt::format("the body has {} bytes; expected at most {}", *length, options_.max_body_bytes)));
   }
   std::string body;
   const bool whole = request.read_body([&](std::string_view piece) {
     body += piece;
     return body.size() <= *length;
   });
-  if (!whole || body.size() != *length) return tl::unexpected(problem(400, "bad-request", "the body did not come whole"));
+  if (!whole || body.size() != *length)
+    return tl::unexpected(problem(400, "bad-request", "the body did not come whole"));
   return body;
 }
 
@@ -264,8 +263,7 @@ HttpReply HttpRoutes::take_job(const HttpRequest& request, double pilot_seconds,
   const std::string key = request.header("idempotency-key");
   const auto printable = [](char c) { return c > ' ' && c <= '~'; };
   if (key.size() > 128 || !std::ranges::all_of(key, printable)) {
-    return problem(400, "bad-request",
-                   "Idempotency-Key: expected at most 128 printable characters without blanks");
+    return problem(400, "bad-request", "Idempotency-Key: expected at most 128 printable characters without blanks");
   }
   auto body = json_body(request);
   if (!body) return std::move(body.error());
@@ -323,8 +321,8 @@ HttpReply HttpRoutes::events(const HttpRequest&, const Captures& captures) {
     return problem(503, "unavailable", "too many clients are watching; try again later");
   HttpReply reply;
   reply.content_type = "text/event-stream";
-  reply.body = NextPiece([ticket, next = job_events(service_, texts_, captures[0], options_.heartbeat_seconds,
-                                                    stop_)](std::string& piece) { return next(piece); });
+  reply.body = NextPiece([ticket, next = job_events(service_, texts_, captures[0], options_.heartbeat_seconds, stop_)](
+                             std::string& piece) { return next(piece); });
   return reply;
 }
 
@@ -332,17 +330,16 @@ HttpReply HttpRoutes::logs(const HttpRequest& request, const Captures& captures)
   const std::string after_text = request.param("after"), follow = request.param("follow");
   const auto after = after_text.empty() ? std::optional<std::uint64_t>(0) : whole_number(after_text);
   if (!after) return problem(400, "bad-request", "after: expected the number of a log entry");
-  if (!follow.empty() && follow != "0" && follow != "1")
-    return problem(400, "bad-request", "follow: expected 0 or 1");
+  if (!follow.empty() && follow != "0" && follow != "1") return problem(400, "bad-request", "follow: expected 0 or 1");
   if (const auto job = service_.show(captures[0]); !job) return failure(job.error());
   auto ticket = std::make_shared<StreamTicket>(streams_);
   if (streams_ > options_.max_streams)
     return problem(503, "unavailable", "too many clients are watching; try again later");
   HttpReply reply;
   reply.content_type = "application/x-ndjson";
-  reply.body = NextPiece(
-      [ticket, next = log_lines(service_, captures[0], *after, follow == "1", options_.heartbeat_seconds,
-                                stop_)](std::string& piece) { return next(piece); });
+  reply.body =
+      NextPiece([ticket, next = log_lines(service_, captures[0], *after, follow == "1", options_.heartbeat_seconds,
+                                          stop_)](std::string& piece) { return next(piece); });
   return reply;
 }
 

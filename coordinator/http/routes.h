@@ -13,9 +13,9 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/result.h"
-#include "common/base/clock.h"
 #include "common/wire/blob_store.h"
 #include "coordinator/config.h"
 #include "coordinator/http/access.h"
@@ -33,7 +33,7 @@ struct Unavailable {
   int status = 503;
   std::string_view type = "unavailable";
 };
-inline constexpr Unavailable kConflict{409, "conflict"};  ///< the job's state does not permit it
+inline constexpr Unavailable kConflict{409, "conflict"};          ///< the job's state does not permit it
 inline constexpr Unavailable kTooManyJobs{429, "too-many-jobs"};  ///< of one token
 inline constexpr Unavailable kNotYet{409, "not-yet"};
 inline constexpr Unavailable kExpired{410, "expired"};
@@ -42,8 +42,8 @@ inline constexpr Unavailable kExpired{410, "expired"};
 class HttpRoutes {
  public:
   struct Options {
-    std::string token;                       ///< the one of the state folder
-    std::filesystem::path state;             ///< holds the other tokens
+    std::string token;            ///< the one of the state folder
+    std::filesystem::path state;  ///< holds the other tokens
     CoordinatorConfig::Limits limits;
     const Clock* clock = nullptr;            ///< of the rate limit; nullptr: the system's
     Metrics* metrics = nullptr;              ///< nullptr: requests alone are counted
@@ -51,12 +51,12 @@ class HttpRoutes {
     std::uint64_t max_body_bytes = 8 << 20;  ///< of what is no blob
     int max_streams = 256;                   ///< events and logs being followed at a time
     double heartbeat_seconds = 15;           ///< of silence after which a stream shows that it lives
-    std::span<const WebFile> web{};           ///< the dashboard; may be empty
+    std::span<const WebFile> web{};          ///< the dashboard; may be empty
     std::uint64_t pixel_cache_bytes = 96 << 20;
   };
   /// `stop` ends streams. Errors: those of BlobStore::open.
-  [[nodiscard]] static Result<std::unique_ptr<HttpRoutes>> make(Options options, JobService& service,
-                                                                const Log& log, std::stop_token stop);
+  [[nodiscard]] static Result<std::unique_ptr<HttpRoutes>> make(Options options, JobService& service, const Log& log,
+                                                                std::stop_token stop);
 
   [[nodiscard]] HttpReply answer(HttpRequest request);
   /// Methods and patterns of all routes.
@@ -109,8 +109,7 @@ class HttpRoutes {
   [[nodiscard]] HttpReply png(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply figures(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply checkpoint(const HttpRequest&, const Captures&);
-  [[nodiscard]] HttpReply artifact(const HttpRequest&, const std::string& id, Artifact kind,
-                                   std::string_view type);
+  [[nodiscard]] HttpReply artifact(const HttpRequest&, const std::string& id, Artifact kind, std::string_view type);
   [[nodiscard]] HttpReply preview(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply layers(const HttpRequest&, const Captures&);
   [[nodiscard]] HttpReply pixels(const HttpRequest&, const Captures&);

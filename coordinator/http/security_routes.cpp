@@ -19,8 +19,7 @@ json to_json(const TokenView& token) {
 }
 
 std::int64_t unix_ms() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
 }
 
@@ -72,8 +71,7 @@ HttpReply HttpRoutes::create_token(const HttpRequest& request, const Captures&) 
   const std::int64_t now = unix_ms();
   const auto token = tokens_->create(text("name"), *role, now);
   if (!token) return failure(token.error());
-  log_.info("token created",
-            {{"name", text("name")}, {"role", to_string(*role)}, {"by", request.caller.name}});
+  log_.info("token created", {{"name", text("name")}, {"role", to_string(*role)}, {"by", request.caller.name}});
   json view = to_json(TokenView{text("name"), *role, now});
   view["token"] = *token;
   HttpReply reply;
@@ -96,9 +94,8 @@ std::optional<HttpReply> HttpRoutes::over_limits(const Submission& submission, c
   std::uint64_t bytes = 0;  // at most 4096 files of at most 2^34: no overflow
   for (const auto& [path, blob] : submission.files) bytes += blob.bytes;
   if (bytes > limits.job_bytes)
-    return problem(
-        413, "too-large",
-        fmt::format("the job's files have {} bytes; expected at most {}", bytes, limits.job_bytes));
+    return problem(413, "too-large",
+                   fmt::format("the job's files have {} bytes; expected at most {}", bytes, limits.job_bytes));
   if (const double pixels = pixels_of(submission.spec_json); pixels > static_cast<double>(limits.pixels))
     return problem(413, "too-large",
                    fmt::format("the image has {:.0f} pixels; expected at most {}", pixels, limits.pixels));

@@ -128,8 +128,7 @@ HttpRequest to_request(const httplib::Request& from, const httplib::ContentReade
   request.params = from.params;
   for (const auto& [name, value] : from.headers) {
     std::string lower = name;
-    std::ranges::transform(lower, lower.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     request.headers.emplace(std::move(lower), value);
   }
   request.read_body = [&from, reader](const std::function<bool(std::string_view)>& take) {
@@ -145,6 +144,13 @@ void send_file(const FileSlice& slice, const std::string& type, httplib::Respons
   to.set_content_provider(slice.bytes, type, [slice](size_t offset, size_t length, httplib::DataSink& sink) {
     const std::string piece = slice.file->read(slice.offset + offset, std::min(length, kPieceBytes));
     return !piece.empty() && sink.write(piece.data(), piece.size());
+  });
+}
+
+void send_shared(const SharedBytes& shared, const std::string& type, httplib::Response& to) {
+  if (shared.bytes.empty()) return to.set_content("", type);
+  to.set_content_provider(shared.bytes.size(), type, [shared](size_t offset, size_t length, httplib::DataSink& sink) {
+    return sink.write(shared.bytes.data() + offset, length);
   });
 }
 
@@ -168,6 +174,8 @@ void send(HttpReply reply, httplib::Response& to) {
     to.set_content(*text, reply.content_type);
   } else if (auto* slice = std::get_if<FileSlice>(&reply.body)) {
     send_file(*slice, reply.content_type, to);
+  } else if (auto* shared = std::get_if<SharedBytes>(&reply.body)) {
+    send_shared(*shared, reply.content_type, to);
   } else {
     send_stream(std::move(std::get<NextPiece>(reply.body)), reply.content_type, to);
   }
@@ -175,8 +183,7 @@ void send(HttpReply reply, httplib::Response& to) {
 
 /// Errors that the routes cannot see, or empty.
 std::optional<HttpReply> refusal(const httplib::Request& request) {
-  if (request.get_header_value_count("Content-Length") > 1 ||
-      request.get_header_value_count("Authorization") > 1) {
+  if (request.get_header_value_count("Content-Length") > 1 || request.get_header_value_count("Authorization") > 1) {
     return problem(400, "bad-request", "a header comes twice: Content-Length or Authorization");
   }
   if (request.has_header("Transfer-Encoding")) {
@@ -220,18 +227,18 @@ void connect_routes(Server& server, HttpRoutes& routes, const Log& log) {
                            "application/problem+json");
     }
   });
-  server.set_exception_handler([&log](const httplib::Request& request, httplib::Response& response,
-                                      std::exception_ptr error) {
-    std::string what = "unknown exception";
-    try {
-      std::rethrow_exception(error);
-    } catch (const std::exception& e) {
-      what = e.what();
-    } catch (...) {
-    }
-    log.error("http request failed", {{"method", request.method}, {"path", request.target}, {"error", what}});
-    send(problem(500, "internal", "the coordinator failed; its log says more"), response);
-  });
+  server.set_exception_handler(
+      [&log](const httplib::Request& request, httplib::Response& response, const std::exception_ptr& error) {
+        std::string what = "unknown exception";
+        try {
+          std::rethrow_exception(error);
+        } catch (const std::exception& e) {
+          what = e.what();
+        } catch (...) {
+        }
+        log.error("http request failed", {{"method", request.method}, {"path", request.target}, {"error", what}});
+        send(problem(500, "internal", "the coordinator failed; its log says more"), response);
+      });
   server.set_payload_max_length(std::numeric_limits<size_t>::max());  // the routes bound each kind of body
 }
 
@@ -246,11 +253,12 @@ Result<std::unique_ptr<TlsContext>> tls_for(const CoordinatorConfig::Http& http,
                                             const std::filesystem::path& state) {
   if (http.certificate.empty()) {
     if (!is_loopback(host)) {
-      return fail(ErrorKind::kUsage,
-                  fmt::format("{}: others reach this address, and tokens would cross the network in the clear; expected "
-                              "127.0.0.1, or http.certificate and http.key in the configuration ('photonfarm farm init' makes "
-                              "both)",
-                              host));
+      return fail(
+          ErrorKind::kUsage,
+          fmt::format("{}: others reach this address, and tokens would cross the network in the clear; expected "
+                      "127.0.0.1, or http.certificate and http.key in the configuration ('photonfarm farm init' makes "
+                      "both)",
+                      host));
     }
     if (auto kept = keep_ca(state, ""); !kept) return tl::unexpected(kept.error());
     return std::unique_ptr<TlsContext>();
@@ -317,10 +325,9 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(const HttpServerOptions& o
   });
   const int port = parts->server->bind(host, former_port(options.state), http.port);
   if (port == 0) {
-    return fail(
-        ErrorKind::kUnavailable,
-        fmt::format("{}:{}: cannot listen; expected an address of this machine and a free port (0: any)",
-                    host, http.port));
+    return fail(ErrorKind::kUnavailable,
+                fmt::format("{}:{}: cannot listen; expected an address of this machine and a free port (0: any)", host,
+                            http.port));
   }
   const std::string url = url_of(scheme, host, port);
   parts->thread = std::thread([server = parts->server.get()] { server->serve(); });

@@ -21,11 +21,11 @@ struct HttpServerOptions {
   std::filesystem::path state;  ///< must exist; gets `url`, `token`, `ca.pem`
   std::filesystem::path blobs;  ///< folder of the blob store
   HttpLimits limits;
-  int max_connections = 512;  ///< served at a time; further ones wait, and beyond as many again are refused
-  int max_streams = 256;      ///< of them for events and logs being followed
-  double heartbeat_seconds = 15;  ///< of silence on those
-  Metrics* metrics = nullptr;     ///< what /v1/metrics shows beside jobs and workers; nullptr: the requests alone
-  const Clock* clock = nullptr;   ///< of the rate limit; nullptr: the system's
+  int max_connections = 512;       ///< served at a time; further ones wait, and beyond as many again are refused
+  int max_streams = 256;           ///< of them for events and logs being followed
+  double heartbeat_seconds = 15;   ///< of silence on those
+  Metrics* metrics = nullptr;      ///< what /v1/metrics shows beside jobs and workers; nullptr: the requests alone
+  const Clock* clock = nullptr;    ///< of the rate limit; nullptr: the system's
   std::span<const WebFile> web{};  ///< the dashboard; empty: there is none
 };
 
@@ -33,10 +33,10 @@ struct HttpServerOptions {
 /// destroyed, which takes a fraction of a second even while clients watch.
 class HttpServer {
  public:
-  /// Errors: kUnavailable when it cannot listen; kUsage for an address that others reach without a certificate; kUsage, kInvalidInput, kInternal from the state folder and
-  /// the store.
-  [[nodiscard]] static Result<std::unique_ptr<HttpServer>> start(const HttpServerOptions& options,
-                                                                 JobService& service, const Log& log);
+  /// Errors: kUnavailable when it cannot listen; kUsage for an address that others reach without a certificate; kUsage,
+  /// kInvalidInput, kInternal from the state folder and the store.
+  [[nodiscard]] static Result<std::unique_ptr<HttpServer>> start(const HttpServerOptions& options, JobService& service,
+                                                                 const Log& log);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;

@@ -201,9 +201,9 @@ void HttpSocket::refuse(int status, std::string_view type, std::string_view deta
     return;
   }
   const std::string body = problem_json(status, type, detail);
-  const std::string reply =
-      fmt::format("HTTP/1.1 {} {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: {}\r\n\r\n{}",
-                  status, status_title(status), body.size(), body);
+  const std::string reply = fmt::format(
+      "HTTP/1.1 {} {}\r\nConnection: close\r\nContent-Type: application/problem+json\r\nContent-Length: {}\r\n\r\n{}",
+      status, status_title(status), body.size(), body);
   static_cast<void>(write(reply.data(), reply.size()));
   broken_ = true;
 }

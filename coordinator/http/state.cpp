@@ -17,8 +17,7 @@ constexpr std::size_t kTokenBytes = 32;
 constexpr std::size_t kLeastToken = 16, kMostToken = 256;
 
 std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' '))
-    text.remove_suffix(1);
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.remove_suffix(1);
   return text;
 }
 
@@ -37,8 +36,8 @@ Result<std::string> keep_token(const std::filesystem::path& state, std::string_v
   std::string token(wanted);
   std::error_code error;
   if (!wanted.empty() && !is_token(wanted)) {
-    return fail(ErrorKind::kUsage, fmt::format("token: expected {} to {} printable characters without blanks",
-                                               kLeastToken, kMostToken));
+    return fail(ErrorKind::kUsage,
+                fmt::format("token: expected {} to {} printable characters without blanks", kLeastToken, kMostToken));
   }
   if (token.empty() && std::filesystem::exists(file, error)) {
     const auto text = read_file(file, kMostToken + 2);

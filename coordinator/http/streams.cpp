@@ -136,8 +136,8 @@ NextPiece job_events(JobService& service, JobTexts& texts, std::string id, doubl
   return JobEvents(service, texts, std::move(id), heartbeat_seconds, std::move(stop));
 }
 
-NextPiece log_lines(JobService& service, std::string id, std::uint64_t after, bool follow,
-                    double heartbeat_seconds, std::stop_token stop) {
+NextPiece log_lines(JobService& service, std::string id, std::uint64_t after, bool follow, double heartbeat_seconds,
+                    std::stop_token stop) {
   return LogLines(service, std::move(id), after, follow, heartbeat_seconds, std::move(stop));
 }
 

@@ -50,8 +50,7 @@ TokenStore::TokenStore(std::filesystem::path file, std::string_view bootstrap) :
   entry.sha256 = sha256_hex(bootstrap);
 }
 
-Result<std::unique_ptr<TokenStore>> TokenStore::open(const std::filesystem::path& state,
-                                                     std::string_view bootstrap) {
+Result<std::unique_ptr<TokenStore>> TokenStore::open(const std::filesystem::path& state, std::string_view bootstrap) {
   std::unique_ptr<TokenStore> store(new TokenStore(state / "tokens.json", bootstrap));
   if (auto loaded = store->load(); !loaded) return tl::unexpected(loaded.error());
   return store;
@@ -63,13 +62,12 @@ Result<void> TokenStore::load() {
   const auto text = read_file(file_, kMaxFileBytes);
   if (!text) return tl::unexpected(text.error());
   const auto broken = [&] {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: is damaged; remove it, and make its tokens anew: photonfarm token create",
-                            file_.string()));
+    return fail(
+        ErrorKind::kInvalidInput,
+        fmt::format("{}: is damaged; remove it, and make its tokens anew: photonfarm token create", file_.string()));
   };
   const json document = json::parse(*text, nullptr, false);
-  if (!document.is_object() || !document.contains("tokens") || !document["tokens"].is_array())
-    return broken();
+  if (!document.is_object() || !document.contains("tokens") || !document["tokens"].is_array()) return broken();
   for (const json& token : document["tokens"]) {
     if (!token.is_object()) return broken();
     const auto member = [&](const char* name) {
@@ -96,8 +94,7 @@ Result<void> TokenStore::save(const std::vector<Entry>& entries) const {
                       {"created_unix_ms", entry.view.created_unix_ms},
                       {"sha256", entry.sha256}});
   }
-  return write_file_atomically(file_, json{{"tokens", std::move(tokens)}}.dump(2) + "\n",
-                               FileAccess::kOwnerOnly);
+  return write_file_atomically(file_, json{{"tokens", std::move(tokens)}}.dump(2) + "\n", FileAccess::kOwnerOnly);
 }
 
 std::optional<Caller> TokenStore::find(std::string_view token) const {

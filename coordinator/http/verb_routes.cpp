@@ -103,7 +103,8 @@ HttpReply HttpRoutes::submit_pilot(const HttpRequest& request, const Captures&) 
   constexpr double kDefault = 10, kLeast = 0.1, kMost = 86400;
   const std::string text = request.param("seconds");
   const auto seconds = text.empty() ? std::optional(kDefault) : decimal_number(text);
-  if (!seconds || *seconds < kLeast || *seconds > kMost) return problem(400, "bad-request", fmt::format("seconds: expected {} to {}", kLeast, kMost));
+  if (!seconds || *seconds < kLeast || *seconds > kMost)
+    return problem(400, "bad-request", fmt::format("seconds: expected {} to {}", kLeast, kMost));
   return take_job(request, *seconds, "/estimate");
 }
 
@@ -113,7 +114,8 @@ HttpReply HttpRoutes::estimate(const HttpRequest& request, const Captures& captu
   const std::string passes = request.param("passes"), error = request.param("error");
   if (!passes.empty()) {
     const auto number = decimal_number(passes);
-    if (!number || *number < 1 || *number > kMostPasses) return problem(400, "bad-request", fmt::format("passes: expected 1 to {}", kMostPasses));
+    if (!number || *number < 1 || *number > kMostPasses)
+      return problem(400, "bad-request", fmt::format("passes: expected 1 to {}", kMostPasses));
     wanted.passes = *number;
   }
   if (!error.empty()) {

@@ -20,8 +20,7 @@ constexpr std::chrono::seconds kPatience{10};
 constexpr std::size_t kLeastSecret = 16;
 
 std::int64_t unix_ms() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
 }
 
@@ -76,8 +75,7 @@ Result<std::unique_ptr<Webhook>> Webhook::start(const CoordinatorConfig::Notify&
   }
   auto notifier = Notifier::open(state / "notify.json", unix_ms);
   if (!notifier) return tl::unexpected(notifier.error());
-  return std::unique_ptr<Webhook>(
-      new Webhook(config, std::move(*secret), std::move(*notifier), service, log));
+  return std::unique_ptr<Webhook>(new Webhook(config, std::move(*secret), std::move(*notifier), service, log));
 }
 
 void Webhook::deliver() {

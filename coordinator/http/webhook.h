@@ -19,12 +19,11 @@ class Webhook {
  public:
   /// Errors: kUsage for a secret that is missing, too short or that others may read; those of Notifier::open.
   [[nodiscard]] static Result<std::unique_ptr<Webhook>> start(const CoordinatorConfig::Notify& config,
-                                                              const std::filesystem::path& state,
-                                                              JobService& service, const Log& log);
+                                                              const std::filesystem::path& state, JobService& service,
+                                                              const Log& log);
 
  private:
-  Webhook(CoordinatorConfig::Notify config, std::string secret, Notifier notifier, JobService& service,
-          const Log& log);
+  Webhook(CoordinatorConfig::Notify config, std::string secret, Notifier notifier, JobService& service, const Log& log);
   void run(const std::stop_token& stop);
   void deliver();
 

@@ -15,28 +15,28 @@ namespace pf {
 
 /// What outlives the coordinator's process beside a job's film.
 struct JobRecord {
-  std::uint64_t number = 0;             ///< in the database; 0: not there yet
+  std::uint64_t number = 0;  ///< in the database; 0: not there yet
   std::string id;
   JobSpec spec;
   BlobId bundle;
   std::string idempotency_key, submitted_by, paused_by;
-  int max_workers = 0;                  ///< 0: no bound
-  std::uint64_t run = 0;                ///< times that it went on by a user's word: tasks of a run before are not wanted any more
+  int max_workers = 0;    ///< 0: no bound
+  std::uint64_t run = 0;  ///< times that it went on by a user's word: tasks of a run before are not wanted any more
   int extended = 0;
-  std::vector<std::string> expired;     ///< "checkpoint", "results"
+  std::vector<std::string> expired;  ///< "checkpoint", "results"
   JobState state = JobState::kQueued;
   std::string message;
-  JobState end_state = JobState::kDone; ///< that a finishing job is going to have
+  JobState end_state = JobState::kDone;  ///< that a finishing job is going to have
   std::int64_t submitted_unix_ms = 0, started_unix_ms = 0, ended_unix_ms = 0;
   std::string scene_hash, plan, image_hash;
   std::vector<std::string> warnings;
-  double estimated_error = -1;          ///< negative: not known
+  double estimated_error = -1;  ///< negative: not known
   struct Figures {
     std::uint64_t passes = 0, rounds = 0, rays = 0, photon_paths = 0;
     double seconds = 0;
     std::uint64_t units_done = 0, units_repeated = 0, bytes_received = 0;
     double merge_seconds = 0;
-  } figures;                            ///< of the last checkpoint, or the end
+  } figures;  ///< of the last checkpoint, or the end
 };
 
 /// What a checkpoint of the job's film must say that it is of.
@@ -51,10 +51,10 @@ struct CountedResult {
     UnitRange range;
     std::uint32_t attempts = 1;
   };
-  std::uint64_t number = 0;             ///< ascending within a job
+  std::uint64_t number = 0;  ///< ascending within a job
   std::string worker;
-  double seconds = 0;                   ///< of tracing all of it
-  std::string sums_hash;                ///< XXH3-128, hexadecimal
+  double seconds = 0;     ///< of tracing all of it
+  std::string sums_hash;  ///< XXH3-128, hexadecimal
   std::vector<Unit> units;
 
   [[nodiscard]] std::uint64_t passes() const {
@@ -66,12 +66,12 @@ struct CountedResult {
 
 /// What goes into a checkpoint beside the film: which units are in its sums, and counts that go on after a restart.
 struct CheckpointNote {
-  std::vector<UnitRange> done_beyond;   ///< of the contiguous sub-passes done
+  std::vector<UnitRange> done_beyond;  ///< of the contiguous sub-passes done
   std::uint64_t done_below = 0;
   double seconds = 0;
   std::uint64_t units_done = 0, units_repeated = 0, bytes_received = 0;
   double merge_seconds = 0;
-  std::uint64_t next_result = 1;        ///< results of lower numbers are in the film
+  std::uint64_t next_result = 1;  ///< results of lower numbers are in the film
 
   [[nodiscard]] std::string to_json() const;
   [[nodiscard]] static Result<CheckpointNote> from_json(const std::string& text);

@@ -13,9 +13,11 @@ namespace {
 using nlohmann::json;
 
 constexpr std::string_view kColumns =
-    "id, spec, bundle_sha256, bundle_bytes, idempotency_key, submitted_by, paused_by, max_workers, run, extended, expired, state, "
+    "id, spec, bundle_sha256, bundle_bytes, idempotency_key, submitted_by, paused_by, max_workers, run, extended, "
+    "expired, state, "
     "message, end_state, submitted_unix_ms, started_unix_ms, ended_unix_ms, scene_hash, plan, image_hash, warnings, "
-    "estimated_error, passes, rounds, rays, photon_paths, seconds, units_done, units_repeated, bytes_received, merge_seconds, number";
+    "estimated_error, passes, rounds, rays, photon_paths, seconds, units_done, units_repeated, bytes_received, "
+    "merge_seconds, number";
 
 /// Texts come from scenes and workers: whatever bytes they hold, the record can be written.
 std::string text_of(const json& value) { return value.dump(-1, ' ', false, json::error_handler_t::replace); }
@@ -51,13 +53,16 @@ Result<JobRecord> record_of(const Statement& row) {
   for (std::string* text : {&r.scene_hash, &r.plan, &r.image_hash}) *text = row.text(c++);
   r.warnings = texts_of(row.text(c++));
   r.estimated_error = row.real(c++);
-  for (std::uint64_t* count : {&r.figures.passes, &r.figures.rounds, &r.figures.rays, &r.figures.photon_paths}) *count = row.count(c++);
+  for (std::uint64_t* count : {&r.figures.passes, &r.figures.rounds, &r.figures.rays, &r.figures.photon_paths})
+    *count = row.count(c++);
   r.figures.seconds = row.real(c++);
-  for (std::uint64_t* count : {&r.figures.units_done, &r.figures.units_repeated, &r.figures.bytes_received}) *count = row.count(c++);
+  for (std::uint64_t* count : {&r.figures.units_done, &r.figures.units_repeated, &r.figures.bytes_received})
+    *count = row.count(c++);
   r.figures.merge_seconds = row.real(c++);
   r.number = row.count(c++);
   const auto known = job_state_of(state), known_end = job_state_of(end_state);
-  if (!known || !known_end) return fail(ErrorKind::kInternal, fmt::format("no job state is called \"{}\"", known ? end_state : state));
+  if (!known || !known_end)
+    return fail(ErrorKind::kInternal, fmt::format("no job state is called \"{}\"", known ? end_state : state));
   r.state = *known;
   r.end_state = *known_end;
   return r;
@@ -151,17 +156,20 @@ Result<std::optional<std::string>> JobStore::job_with_key(const std::string& ide
 Result<void> JobStore::write(const JobRecord& r) const {
   // 0: the database gives the number.
   static const std::string kSql = fmt::format(
-      "INSERT INTO jobs ({0}) VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15,?16,?17,?18,?19,?20,?21,?22,?23,?24,?25,?26,"
-      "?27,?28,?29,?30,?31,nullif(?32,0)) ON CONFLICT (number) DO UPDATE SET ({0}) = (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,"
+      "INSERT INTO jobs ({0}) VALUES "
+      "(?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15,?16,?17,?18,?19,?20,?21,?22,?23,?24,?25,?26,"
+      "?27,?28,?29,?30,?31,nullif(?32,0)) ON CONFLICT (number) DO UPDATE SET ({0}) = "
+      "(?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,"
       "?15,?16,?17,?18,?19,?20,?21,?22,?23,?24,?25,?26,?27,?28,?29,?30,?31,?32)",
       kColumns);
   const JobRecord::Figures& f = r.figures;
-  const double estimated_error = std::isnan(r.estimated_error) ? -1.0 : r.estimated_error;  // a database takes NaN for nothing
-  return run(database_, kSql, r.id, canonical_json(r.spec), r.bundle.sha256, r.bundle.bytes, r.idempotency_key, r.submitted_by,
-             r.paused_by, r.max_workers, r.run, r.extended, text_of(r.expired), to_string(r.state), r.message, to_string(r.end_state),
-             r.submitted_unix_ms, r.started_unix_ms, r.ended_unix_ms, r.scene_hash, r.plan, r.image_hash, text_of(r.warnings),
-             estimated_error, f.passes, f.rounds, f.rays, f.photon_paths, f.seconds, f.units_done, f.units_repeated,
-             f.bytes_received, f.merge_seconds, r.number);
+  const double estimated_error =
+      std::isnan(r.estimated_error) ? -1.0 : r.estimated_error;  // a database takes NaN for nothing
+  return run(database_, kSql, r.id, canonical_json(r.spec), r.bundle.sha256, r.bundle.bytes, r.idempotency_key,
+             r.submitted_by, r.paused_by, r.max_workers, r.run, r.extended, text_of(r.expired), to_string(r.state),
+             r.message, to_string(r.end_state), r.submitted_unix_ms, r.started_unix_ms, r.ended_unix_ms, r.scene_hash,
+             r.plan, r.image_hash, text_of(r.warnings), estimated_error, f.passes, f.rounds, f.rays, f.photon_paths,
+             f.seconds, f.units_done, f.units_repeated, f.bytes_received, f.merge_seconds, r.number);
 }
 
 Result<void> JobStore::insert(JobRecord& record, std::span<const BlobId> blobs) {
@@ -171,7 +179,8 @@ Result<void> JobStore::insert(JobRecord& record, std::span<const BlobId> blobs) 
   const auto number = database_.number("SELECT last_insert_rowid()");
   if (!number) return tl::unexpected(number.error());
   for (const BlobId& blob : blobs) {
-    auto added = run(database_, "INSERT OR IGNORE INTO blobs (job, sha256, bytes) VALUES (?1, ?2, ?3)", *number, blob.sha256, blob.bytes);
+    auto added = run(database_, "INSERT OR IGNORE INTO blobs (job, sha256, bytes) VALUES (?1, ?2, ?3)", *number,
+                     blob.sha256, blob.bytes);
     if (!added) return added;
   }
   if (auto committed = transaction->commit(); !committed) return committed;
@@ -184,10 +193,11 @@ Result<void> JobStore::save(const JobRecord& record, std::span<const Transition>
   if (!transaction) return tl::unexpected(transaction.error());
   if (auto written = write(record); !written) return written;
   for (const Transition& t : transitions) {
-    auto added = run(database_,
-                     "INSERT INTO transitions (job, number, unix_ms, event, from_state, to_state, caused_by) SELECT ?1, "
-                     "coalesce(max(number), 0) + 1, ?2, ?3, ?4, ?5, ?6 FROM transitions WHERE job = ?1",
-                     record.number, t.unix_ms, to_string(t.event), to_string(t.from), to_string(t.to), t.by);
+    auto added =
+        run(database_,
+            "INSERT INTO transitions (job, number, unix_ms, event, from_state, to_state, caused_by) SELECT ?1, "
+            "coalesce(max(number), 0) + 1, ?2, ?3, ?4, ?5, ?6 FROM transitions WHERE job = ?1",
+            record.number, t.unix_ms, to_string(t.event), to_string(t.from), to_string(t.to), t.by);
     if (!added) return added;
   }
   return transaction->commit();
@@ -198,14 +208,19 @@ Result<void> JobStore::checkpoint(const JobRecord& record, std::span<const Count
   auto transaction = Database::Transaction::begin(database_);
   if (!transaction) return tl::unexpected(transaction.error());
   if (auto written = write(record); !written) return written;
-  auto result = database_.prepare("INSERT OR REPLACE INTO results (job, number, worker, seconds, passes, sums_hash) VALUES (?1, ?2, ?3, ?4, ?5, ?6)");
-  auto unit = database_.prepare("INSERT OR REPLACE INTO units (job, first, count, attempts, result) VALUES (?1, ?2, ?3, ?4, ?5)");
+  auto result = database_.prepare(
+      "INSERT OR REPLACE INTO results (job, number, worker, seconds, passes, sums_hash) VALUES (?1, ?2, ?3, ?4, ?5, "
+      "?6)");
+  auto unit = database_.prepare(
+      "INSERT OR REPLACE INTO units (job, first, count, attempts, result) VALUES (?1, ?2, ?3, ?4, ?5)");
   if (!result) return tl::unexpected(result.error());
   if (!unit) return tl::unexpected(unit.error());
   for (const CountedResult& r : results) {
     auto done = result->bind_all(record.number, r.number, r.worker, r.seconds, r.passes(), r.sums_hash).run();
     for (std::size_t i = 0; done && i < r.units.size(); ++i) {
-      done = unit->bind_all(record.number, r.units[i].range.first, r.units[i].range.count, r.units[i].attempts, r.number).run();
+      done =
+          unit->bind_all(record.number, r.units[i].range.first, r.units[i].range.count, r.units[i].attempts, r.number)
+              .run();
     }
     if (!done) return done;
   }
@@ -213,7 +228,8 @@ Result<void> JobStore::checkpoint(const JobRecord& record, std::span<const Count
   for (const ConvergencePoint& p : points) {
     list.push_back({p.seconds, p.passes, p.rounds, p.rays, p.estimated_error ? json(*p.estimated_error) : json()});
   }
-  auto written = run(database_, "INSERT OR REPLACE INTO convergence (job, points) VALUES (?1, ?2)", record.number, text_of(list));
+  auto written =
+      run(database_, "INSERT OR REPLACE INTO convergence (job, points) VALUES (?1, ?2)", record.number, text_of(list));
   if (!written) return written;
   return transaction->commit();
 }
@@ -230,7 +246,8 @@ Result<void> JobStore::remove(std::uint64_t job) { return run(database_, "DELETE
 
 Result<std::vector<UnitView>> JobStore::units(std::uint64_t job, std::uint64_t from, std::size_t most) const {
   auto statement = database_.prepare(
-      "SELECT first, count, attempts, result, worker, seconds * count / passes, sums_hash FROM units JOIN results ON results.job = units.job "
+      "SELECT first, count, attempts, result, worker, seconds * count / passes, sums_hash FROM units JOIN results ON "
+      "results.job = units.job "
       "AND results.number = units.result WHERE units.job = ?1 AND first >= ?2 ORDER BY first LIMIT ?3");
   if (!statement) return tl::unexpected(statement.error());
   statement->bind_all(job, from, most);
@@ -272,7 +289,8 @@ Result<std::vector<ConvergencePoint>> JobStore::convergence(std::uint64_t job) c
     const json list = json::parse(row.text(0), nullptr, false);
     for (const json& p : list.is_array() ? list : json::array()) {
       if (!p.is_array() || p.size() != 5) continue;
-      points.push_back({p[0].get<double>(), p[1].get<std::uint64_t>(), p[2].get<std::uint64_t>(), p[3].get<std::uint64_t>(),
+      points.push_back({p[0].get<double>(), p[1].get<std::uint64_t>(), p[2].get<std::uint64_t>(),
+                        p[3].get<std::uint64_t>(),
                         p[4].is_number() ? std::optional(p[4].get<double>()) : std::nullopt});
     }
     return true;
@@ -282,8 +300,8 @@ Result<std::vector<ConvergencePoint>> JobStore::convergence(std::uint64_t job) c
 }
 
 Result<std::vector<Transition>> JobStore::transitions(std::uint64_t job) const {
-  auto statement =
-      database_.prepare("SELECT unix_ms, event, from_state, to_state, caused_by FROM transitions WHERE job = ?1 ORDER BY number");
+  auto statement = database_.prepare(
+      "SELECT unix_ms, event, from_state, to_state, caused_by FROM transitions WHERE job = ?1 ORDER BY number");
   if (!statement) return tl::unexpected(statement.error());
   std::vector<Transition> found;
   std::optional<Error> nonsense;
@@ -293,7 +311,8 @@ Result<std::vector<Transition>> JobStore::transitions(std::uint64_t job) const {
     if (event && from && to) {
       found.push_back({row.integer(0), *event, *from, *to, row.text(4)});
     } else {
-      nonsense = Error{ErrorKind::kInvalidInput, fmt::format("no such transition: {} from {} to {}", row.text(1), row.text(2), row.text(3))};
+      nonsense = Error{ErrorKind::kInvalidInput,
+                       fmt::format("no such transition: {} from {} to {}", row.text(1), row.text(2), row.text(3))};
     }
     return !nonsense;
   });
@@ -316,7 +335,9 @@ Result<std::vector<BlobId>> JobStore::own_blobs(std::uint64_t job) const {
   return blobs;
 }
 
-Result<void> JobStore::release_blobs(std::uint64_t job) { return run(database_, "DELETE FROM blobs WHERE job = ?1", job); }
+Result<void> JobStore::release_blobs(std::uint64_t job) {
+  return run(database_, "DELETE FROM blobs WHERE job = ?1", job);
+}
 
 Result<std::map<std::string, std::uint64_t>> JobStore::all_blobs() const {
   auto statement = database_.prepare("SELECT DISTINCT sha256, bytes FROM blobs");

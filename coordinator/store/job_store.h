@@ -22,11 +22,11 @@ struct Transition {
   std::int64_t unix_ms = 0;
   JobEvent event = JobEvent::kPrepare;
   JobState from = JobState::kQueued, to = JobState::kQueued;
-  std::string by;                       ///< name of a token; empty: the farm itself
+  std::string by;  ///< name of a token; empty: the farm itself
 };
 
-/// What outlives the coordinator's process beside films, images and logs: `farm.sqlite` in the state folder. Each call is one
-/// transaction, on the disk when it returns. Errors: those of Database.
+/// What outlives the coordinator's process beside films, images and logs: `farm.sqlite` in the state folder. Each call
+/// is one transaction, on the disk when it returns. Errors: those of Database.
 class JobStore {
  public:
   static constexpr std::string_view kFileName = "farm.sqlite";
@@ -48,7 +48,8 @@ class JobStore {
   /// A new job and the blobs that it needs. Sets the record's number.
   [[nodiscard]] Result<void> insert(JobRecord& record, std::span<const BlobId> blobs);
   [[nodiscard]] Result<void> save(const JobRecord& record, std::span<const Transition> transitions);
-  /// What goes with a checkpoint of the film: written before it, because what the film does not hold can be told and taken off.
+  /// What goes with a checkpoint of the film: written before it, because what the film does not hold can be told and
+  /// taken off.
   [[nodiscard]] Result<void> checkpoint(const JobRecord& record, std::span<const CountedResult> results,
                                         const std::vector<ConvergencePoint>& points);
   /// Forgets results from this number on; a job that begins anew has none (1).
@@ -59,7 +60,7 @@ class JobStore {
   [[nodiscard]] Result<std::vector<UnitView>> units(std::uint64_t job, std::uint64_t from, std::size_t most) const;
   struct Results {
     std::uint64_t count = 0;
-    std::set<std::string> workers;      ///< that they came from
+    std::set<std::string> workers;  ///< that they came from
   };
   [[nodiscard]] Result<Results> results(std::uint64_t job) const;
   [[nodiscard]] Result<std::vector<ConvergencePoint>> convergence(std::uint64_t job) const;

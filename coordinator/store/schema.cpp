@@ -68,17 +68,15 @@ Result<void> migrate(const Database& database) {
   const auto version = database.number("PRAGMA user_version");
   if (!version) return tl::unexpected(version.error());
   if (*version > schema_version()) {
-    return fail(
-        ErrorKind::kUsage,
-        fmt::format("{}: its schema is version {}, this program knows up to {}; expected a photonfarm as new "
-                    "as the one that wrote it",
-                    database.name(), *version, schema_version()));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: its schema is version {}, this program knows up to {}; expected a photonfarm as new "
+                            "as the one that wrote it",
+                            database.name(), *version, schema_version()));
   }
   for (auto step = static_cast<std::size_t>(*version); step < kSteps.size(); ++step) {
     auto transaction = Database::Transaction::begin(database);
     if (!transaction) return tl::unexpected(transaction.error());
-    auto done =
-        database.execute(std::string(kSteps[step]) + fmt::format("PRAGMA user_version = {};", step + 1));
+    auto done = database.execute(std::string(kSteps[step]) + fmt::format("PRAGMA user_version = {};", step + 1));
     if (done) done = transaction->commit();
     if (!done) return done;
   }

@@ -38,8 +38,7 @@ tl::unexpected<Error> error_of(sqlite3* database, const std::string& name) {
   const ErrorKind kind = kind_of(code);
   std::string text = fmt::format("{}: {}", name, sqlite3_errmsg(database));
   const int system = (code & 0xff) == SQLITE_FULL ? ENOSPC : sqlite3_system_errno(database);
-  if (kind == ErrorKind::kInternal && system != 0)
-    text += fmt::format(": {}", std::generic_category().message(system));
+  if (kind == ErrorKind::kInternal && system != 0) text += fmt::format(": {}", std::generic_category().message(system));
   // SQLite does not always keep what the system said.
   if (kind == ErrorKind::kInternal && system == 0 && (code & 0xff) == SQLITE_IOERR)
     text += "; no space, or a limit on the size of files?";
@@ -62,14 +61,12 @@ Statement& Statement::bind(int index, double value) {
   return *this;
 }
 Statement& Statement::bind(int index, std::string_view value) {
-  sqlite3_bind_text64(statement_.get(), index, value.empty() ? "" : value.data(), value.size(),
-                      SQLITE_TRANSIENT, SQLITE_UTF8);
+  sqlite3_bind_text64(statement_.get(), index, value.empty() ? "" : value.data(), value.size(), SQLITE_TRANSIENT,
+                      SQLITE_UTF8);
   return *this;
 }
 
-tl::unexpected<Error> Statement::failure() const {
-  return error_of(sqlite3_db_handle(statement_.get()), name_);
-}
+tl::unexpected<Error> Statement::failure() const { return error_of(sqlite3_db_handle(statement_.get()), name_); }
 
 Result<bool> Statement::step() {
   const int code = sqlite3_step(statement_.get());
@@ -93,20 +90,18 @@ std::int64_t Statement::integer(int column) const { return sqlite3_column_int64(
 double Statement::real(int column) const { return sqlite3_column_double(statement_.get(), column); }
 std::string Statement::text(int column) const {
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
-  return text == nullptr
-             ? std::string()
-             : std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column)));
+  return text == nullptr ? std::string()
+                         : std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column)));
 }
 
 Result<Database> Database::open(const std::filesystem::path& file) {
   Database database;
   database.name_ = file.string();
   sqlite3* raw = nullptr;
-  const int code = sqlite3_open_v2(file.c_str(), &raw,
-                                   SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+  const int code =
+      sqlite3_open_v2(file.c_str(), &raw, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
   database.database_.reset(raw);
-  if (raw == nullptr)
-    return fail(ErrorKind::kInternal, fmt::format("{}: no memory for a database", database.name_));
+  if (raw == nullptr) return fail(ErrorKind::kInternal, fmt::format("{}: no memory for a database", database.name_));
   if (code != SQLITE_OK) return error_of(raw, database.name_);
   sqlite3_extended_result_codes(raw, 1);
   sqlite3_busy_timeout(raw, kBusyMilliseconds);
@@ -120,8 +115,7 @@ Result<Statement> Database::prepare(std::string_view sql) const {
   Statement statement;
   statement.name_ = name_;
   sqlite3_stmt* raw = nullptr;
-  if (sqlite3_prepare_v2(database_.get(), sql.data(), static_cast<int>(sql.size()), &raw, nullptr) !=
-      SQLITE_OK) {
+  if (sqlite3_prepare_v2(database_.get(), sql.data(), static_cast<int>(sql.size()), &raw, nullptr) != SQLITE_OK) {
     return error_of(database_.get(), name_);
   }
   statement.statement_.reset(raw);
@@ -149,8 +143,7 @@ Result<Database::Transaction> Database::Transaction::begin(const Database& datab
 }
 
 Result<void> Database::Transaction::commit() {
-  if (auto committed = database_->execute("COMMIT"); !committed)
-    return committed;  // the destructor undoes it
+  if (auto committed = database_->execute("COMMIT"); !committed) return committed;  // the destructor undoes it
   database_ = nullptr;
   return {};
 }

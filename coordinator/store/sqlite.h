@@ -15,7 +15,8 @@ struct sqlite3_stmt;
 
 namespace pf {
 
-/// A prepared statement; reset() makes it ready for another run. Parameters and columns count from 1 and 0, as in SQLite.
+/// A prepared statement; reset() makes it ready for another run. Parameters and columns count from 1 and 0, as in
+/// SQLite.
 class Statement {
  public:
   Statement& bind(int index, std::int64_t value);
@@ -59,8 +60,8 @@ class Statement {
   std::string name_;  ///< of the database's file
 };
 
-/// A database of SQLite, held by this process alone. Errors name the file: kInvalidInput when it is damaged or no database,
-/// kUnavailable when another process holds it, kInternal for the disk.
+/// A database of SQLite, held by this process alone. Errors name the file: kInvalidInput when it is damaged or no
+/// database, kUnavailable when another process holds it, kInternal for the disk.
 class Database {
  public:
   [[nodiscard]] static Result<Database> open(const std::filesystem::path& file);

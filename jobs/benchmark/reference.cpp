@@ -147,14 +147,10 @@ class Maker {
 
   Result<void> join() {
     if (!read_halves()) return {};
-    const json stored = {{"scene", scene_.name},
-                         {"scene_hash", scene_.hash},
-                         {"type", reference_.type},
-                         {"passes", reference_.passes},
-                         {"seconds", reference_.seconds},
-                         {"seconds_of_a_half", half_seconds_},
-                         {"noise", reference_.noise},
-                         {"flip_between_halves", reference_.flip_between_halves}};
+    const json stored = {{"scene", scene_.name},          {"scene_hash", scene_.hash},
+                         {"type", reference_.type},       {"passes", reference_.passes},
+                         {"seconds", reference_.seconds}, {"seconds_of_a_half", half_seconds_},
+                         {"noise", reference_.noise},     {"flip_between_halves", reference_.flip_between_halves}};
     LayeredImage image{reference_.width, reference_.height, {{"", {"R", "G", "B"}, {}}}, {}};
     for (const Rgb& pixel : reference_.mean)
       image.layers[0].data.insert(image.layers[0].data.end(), {pixel.x, pixel.y, pixel.z});

@@ -19,7 +19,7 @@ ordered_json number(double value) { return std::isfinite(value) ? ordered_json(v
 std::string field(const ordered_json& value) {
   if (value.is_null()) return "";
   if (!value.is_string()) return value.dump();
-  const std::string text = value.get<std::string>();
+  std::string text = value.get<std::string>();
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
   std::string in_quotes = "\"";
   for (const char c : text) in_quotes.append(c == '"' ? 2 : 1, c);  // RFC 4180

@@ -196,6 +196,7 @@ class Parser {
       return {};
     }
     glob_t found{};
+    // NOLINTNEXTLINE(concurrency-mt-unsafe): no other thread changes the locale
     const int code = glob((folder_ / table.gltf).c_str(), GLOB_BRACE, nullptr, &found);
     for (std::size_t i = 0; code == 0 && i < found.gl_pathc; ++i) {
       SceneEntry one = entry;

@@ -33,8 +33,7 @@ TEST(FinalGatherFurnace, IsUniformInEveryPixel) {
     spec.final_gather.precompute = choice.precompute;
     const Renders renders(*scene, spec, choice.precompute ? 4 : 1, 5);
     EXPECT_TRUE(agrees(renders.mean(), 2.0, 0.03)) << choice.precompute << choice.error;
-    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 0.05))
-        << choice.precompute << choice.error;
+    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 0.05)) << choice.precompute << choice.error;
   }
 }
 

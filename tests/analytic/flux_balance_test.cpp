@@ -19,8 +19,7 @@ TEST(FluxBalance, APointLightInASphereGivesUniformRadiance) {
   const auto scene = maker.build();
   JobSpec spec = job(8, 8, IntegratorType::kPath, 10000);
   spec.integrator.max_depth = 0;
-  constexpr double kFacets =
-      0.002;  // walls of 96 rings lie up to 1 - cos(pi / 192) nearer, and tilted by pi / 192
+  constexpr double kFacets = 0.002;      // walls of 96 rings lie up to 1 - cos(pi / 192) nearer, and tilted by pi / 192
   constexpr double kDensityBias = 0.01;  // discs are flat, the wall is not
   for_each_algorithm(spec, [&](const char* name, const JobSpec& chosen) {
     SCOPED_TRACE(name);
@@ -53,8 +52,8 @@ TEST(FluxBalance, TheMeanIrradianceOfACubesWallIsThatOfCie58) {
       SCOPED_TRACE(testing::Message() << name << " rho " << rho);
       const bool path = chosen.integrator.type == IntegratorType::kPath;
       constexpr double kEdgeBias = 0.01;  // inverse of the covered part of discs at the four edges
-      EXPECT_TRUE(agrees(Renders(*scene, chosen, path ? 24 : 3, 6).mean(), expected,
-                         path ? 0.0 : kEdgeBias * expected));
+      EXPECT_TRUE(
+          agrees(Renders(*scene, chosen, path ? 24 : 3, 6).mean(), expected, path ? 0.0 : kEdgeBias * expected));
     });
   }
 }

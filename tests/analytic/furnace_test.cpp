@@ -53,8 +53,8 @@ TEST(Furnace, IsCutAfterTheDepthThatTheJobAsksFor) {
     for_each_algorithm(spec, [&](const char* name, const JobSpec& chosen) {
       SCOPED_TRACE(testing::Message() << name << " depth " << depth);
       const bool path = chosen.integrator.type == IntegratorType::kPath;
-      EXPECT_TRUE(agrees(Renders(*scene, chosen, path ? 32 : 4, 8).mean(), expected,
-                         path ? 0.0 : 0.5 * kCoverBias * expected));
+      EXPECT_TRUE(
+          agrees(Renders(*scene, chosen, path ? 32 : 4, 8).mean(), expected, path ? 0.0 : 0.5 * kCoverBias * expected));
     });
   }
 }

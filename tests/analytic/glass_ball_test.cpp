@@ -109,8 +109,7 @@ std::vector<Ring> wide(const std::vector<Ring>& rings) {
   for (std::size_t i = 0; i + 3 < rings.size(); i += 4) {
     Ring sum{rings[i].inner, rings[i + 3].outer, 0.0};
     for (std::size_t k = i; k < i + 4; ++k) {
-      sum.irradiance +=
-          rings[k].irradiance * (rings[k].outer * rings[k].outer - rings[k].inner * rings[k].inner);
+      sum.irradiance += rings[k].irradiance * (rings[k].outer * rings[k].outer - rings[k].inner * rings[k].inner);
     }
     sum.irradiance /= sum.outer * sum.outer - sum.inner * sum.inner;
     if (sum.outer <= 1.5) out.push_back(sum);
@@ -199,8 +198,7 @@ TEST_F(GlassBall, SppmShowsTheProfileOfTheClosedForm) {
         double mean = 0.0;
         constexpr int kSub = 8;
         for (int i = 0; i < kSub * kSub; ++i) {
-          mean += irradiance_at(
-                      std::hypot(metres(x + (i % kSub + 0.5) / kSub), metres(y + (i / kSub + 0.5) / kSub))) /
+          mean += irradiance_at(std::hypot(metres(x + (i % kSub + 0.5) / kSub), metres(y + (i / kSub + 0.5) / kSub))) /
                   (kSub * kSub);
         }
         const Estimate& e = pixels[static_cast<std::size_t>(y * kSize + x)];

@@ -71,9 +71,8 @@ TEST(GlassSlab, ALampSeenThroughItIsDimmedByTheTransmittance) {
                 slab_material(maker, absorbing));
       maker.quad({-1, -0.1f, -1}, {0, 0, 2}, {2, 0, 0}, maker.emitter({1, 1, 1}));
       const double a = degrees * std::numbers::pi / 180.0;
-      maker.orthographic_camera(
-          {0.5f * static_cast<float>(std::sin(a)), 0.5f * static_cast<float>(std::cos(a)), 0}, {0, 0, 0},
-          0.01f, 0.01f);
+      maker.orthographic_camera({0.5f * static_cast<float>(std::sin(a)), 0.5f * static_cast<float>(std::cos(a)), 0},
+                                {0, 0, 0}, 0.01f, 0.01f);
       const auto scene = maker.build();
       for_each_algorithm(job(2, 2, IntegratorType::kPath, 50), [&](const char* name, const JobSpec& spec) {
         SCOPED_TRACE(testing::Message() << name << " at " << degrees << (absorbing ? " absorbing" : ""));
@@ -100,8 +99,7 @@ TEST(GlassSlab, PhotonsThroughItArriveDimmedByTheTransmittance) {
       const auto scene = maker.build();
       JobSpec spec = job(6, 6, IntegratorType::kSppm, 10000);
       const double expected = 0.5 / std::numbers::pi * 2.0 * std::cos(a) * transmittance(degrees, sigma_of(absorbing));
-      EXPECT_TRUE(agrees(Renders(*scene, spec, 3, 6, "caustics").mean(), expected))
-          << degrees << " " << absorbing;
+      EXPECT_TRUE(agrees(Renders(*scene, spec, 3, 6, "caustics").mean(), expected)) << degrees << " " << absorbing;
     }
   }
 }

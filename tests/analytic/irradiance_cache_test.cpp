@@ -23,17 +23,16 @@ JobSpec cached(int width, int height, double error = 0.15, int rays = 256) {
 }
 
 /// A layer by several seeds, as means over blocks of pixels.
-std::vector<Estimate> blocks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes, int runs,
-                                int edge, std::string_view layer) {
+std::vector<Estimate> blocks_of(const Scene& scene, const JobSpec& spec, std::uint64_t passes, int runs, int edge,
+                                std::string_view layer) {
   const int columns = spec.image.width / edge, rows = spec.image.height / edge;
   std::vector<std::vector<double>> values(static_cast<std::size_t>(columns * rows));
   for (int run = 0; run < runs; ++run) {
     JobSpec seeded = spec;
     const bool path = spec.integrator.type == IntegratorType::kPath;
     seeded.integrator.seed = static_cast<std::uint64_t>(run) + (path ? 1000u : 2000u);
-    const Film film = path
-                          ? render(scene, seeded, passes)
-                          : render(IrradianceCacheIntegrator(scene, scene.cameras().front(), seeded), passes);
+    const Film film = path ? render(scene, seeded, passes)
+                           : render(IrradianceCacheIntegrator(scene, scene.cameras().front(), seeded), passes);
     EXPECT_EQ(film.sums().faults.not_finite, 0u);
     const std::vector<Rgb> image = layer_of(film, layer);
     for (int block = 0; block < columns * rows; ++block) {
@@ -146,8 +145,7 @@ TEST(IrradianceCaching, AddsCausticsAndSpecularPathsToWhatPathTracingGives) {
   for (const GatherSource source : {GatherSource::kPath, GatherSource::kPhotonMap}) {
     spec.irradiance_cache.source = source;
     spec.integrator.photons = 50000;
-    EXPECT_TRUE(all_agree(blocks_of(*scene, spec, 8, 4, 8, ""), reference, 0.04, 0.005))
-        << static_cast<int>(source);
+    EXPECT_TRUE(all_agree(blocks_of(*scene, spec, 8, 4, 8, ""), reference, 0.04, 0.005)) << static_cast<int>(source);
   }
 }
 

@@ -61,8 +61,7 @@ TEST(AreaLight, ASphereGivesWhatItsSolidAngleSays) {
   SceneMaker maker = floor_at_origin();
   maker.sphere({0.6f, 1.2f, 0}, 0.3f, maker.emitter({1, 1, 1}), 48);
   const double d = std::sqrt(0.36 + 1.44);
-  constexpr double kFacets =
-      0.003;  // the inscribed polyhedron's outline encloses up to 1 - cos(pi / 96)^2 less
+  constexpr double kFacets = 0.003;  // the inscribed polyhedron's outline encloses up to 1 - cos(pi / 96)^2 less
   expect_irradiance(*maker.build(), std::numbers::pi * 0.09 / (d * d) * (1.2 / d), kFacets);
 }
 

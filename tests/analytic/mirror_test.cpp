@@ -13,7 +13,6 @@
 namespace pf::test {
 namespace {
 
-
 /// Floor y = 0 of albedo 1/2 and, above it, a mirror at 45 degrees that turns light travelling along +x
 /// downwards. The camera sees floor within `half` of the origin.
 SceneMaker mirror_over_floor(float half) {
@@ -24,8 +23,7 @@ SceneMaker mirror_over_floor(float half) {
   return maker;
 }
 
-void expect_caustic(const Scene& scene, double irradiance, std::int64_t photons, std::uint64_t passes,
-                    double bias) {
+void expect_caustic(const Scene& scene, double irradiance, std::int64_t photons, std::uint64_t passes, double bias) {
   for (const ProgressiveMode mode : {ProgressiveMode::kShared, ProgressiveMode::kIndependent}) {
     JobSpec spec = job(4, 4, IntegratorType::kSppm, photons);
     spec.integrator.mode = mode;

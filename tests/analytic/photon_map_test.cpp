@@ -38,8 +38,7 @@ TEST(PhotonMapFurnace, IsUniformInEveryPixelWithEveryFilter) {
     const double edge = filter == PhotonFilter::kDisc ? 0.02 : 0.04;
     const Renders renders(*scene, spec, 2, 6);
     EXPECT_TRUE(agrees(renders.mean(), 2.0, edge)) << static_cast<int>(filter);
-    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 2 * edge))
-        << static_cast<int>(filter);
+    EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 2.0), 2 * edge)) << static_cast<int>(filter);
   }
 }
 

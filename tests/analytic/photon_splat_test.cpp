@@ -1,5 +1,5 @@
-// Photon ray splatting against closed forms and the path tracer. Its bias is the blur of its kernels: the tolerances say how
-// large that is in each scene.
+// Photon ray splatting against closed forms and the path tracer. Its bias is the blur of its kernels: the tolerances
+// say how large that is in each scene.
 
 #include <array>
 #include <cmath>
@@ -38,8 +38,8 @@ TEST(PhotonSplatFurnace, ItsBiasFallsWithTheSmoothing) {
     spec.integrator.max_depth = 0;
     bias.push_back(0.5 - Renders(*scene, spec, 4, 8, "indirect").mean().mean);
   }
-  // What kernels lose beside walls is given back at the foot of one wall; corners of several are left, and kernels as wide as the
-  // room: the loss falls at least as fast as the width.
+  // What kernels lose beside walls is given back at the foot of one wall; corners of several are left, and kernels as
+  // wide as the room: the loss falls at least as fast as the width.
   EXPECT_LT(bias[1], 0.5 * bias[0]) << bias[0] << " " << bias[1] << " " << bias[2];
   EXPECT_LT(std::abs(bias[2]), 0.25 * bias[0]) << bias[0] << " " << bias[1] << " " << bias[2];
 }
@@ -58,14 +58,15 @@ TEST(PhotonSplatAnalytic, ASphereAroundALampIsUniform) {
   EXPECT_TRUE(all_agree(renders.pixels(), std::vector<double>(144, 1.0), 2.0 * kCurved));
 }
 
-/// A small table floating under a mirror ceiling with a point light between them: the light's image, 3 m above the table,
-/// lights it and nothing blocks it. The camera looks down on one edge of the table.
+/// A small table floating under a mirror ceiling with a point light between them: the light's image, 3 m above the
+/// table, lights it and nothing blocks it. The camera looks down on one edge of the table.
 constexpr float kImageHeight = 3.0f;
 constexpr float kHalfTable = 0.25f;
 std::unique_ptr<const Scene> table_under_mirror() {
   SceneMaker maker;
   maker.quad({-4, 2, -4}, {8, 0, 0}, {0, 0, 8}, maker.mirror());
-  maker.quad({-kHalfTable, 0, kHalfTable}, {2 * kHalfTable, 0, 0}, {0, 0, -2 * kHalfTable}, maker.lambert({0.5f, 0.5f, 0.5f}));
+  maker.quad({-kHalfTable, 0, kHalfTable}, {2 * kHalfTable, 0, 0}, {0, 0, -2 * kHalfTable},
+             maker.lambert({0.5f, 0.5f, 0.5f}));
   maker.spot_light({0, 1, 0}, {0, 1, 0}, 10.0f, 0.5f, 0.4f);
   maker.orthographic_camera({0, 0.9f, 0}, {0, 0, 0}, kHalfTable, kHalfTable);
   return maker.build();

@@ -44,7 +44,9 @@ class Engine {
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
-  [[nodiscard]] EngineOptions options(const char* name) const { return load_credentials(server_->credentials(name)).value(); }
+  [[nodiscard]] EngineOptions options(const char* name) const {
+    return load_credentials(server_->credentials(name)).value();
+  }
 
  private:
   fs::path folder_;

@@ -1,7 +1,7 @@
 // Does it pay to compute irradiance at photons before gathering [Christensen 1999]? Run: pf_final_gather_bench.
 //
-// The diffuse box by final_gather with and without, on one thread: what making the maps takes (the precomputed estimates among
-// it), and a gather ray. `lookups` are the rays from which on precomputing has paid for itself.
+// The diffuse box by final_gather with and without, on one thread: what making the maps takes (the precomputed
+// estimates among it), and a gather ray. `lookups` are the rays from which on precomputing has paid for itself.
 
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
@@ -35,7 +35,8 @@ Cost cost_of(const Scene& scene, bool precompute) {
   for (std::uint32_t i = 0; i < kRays; ++i) {
     PathRng rng(1, Stream::kTest, 0, i);
     const Vec3f direction = sample_sphere(rng.next2());
-    cost.brings += double{luminance(gather.arriving({origin, direction}, MediumStack(), rng, figures).radiance)} / kRays;
+    cost.brings +=
+        double{luminance(gather.arriving({origin, direction}, MediumStack(), rng, figures).radiance)} / kRays;
   }
   cost.ray = (thread_seconds() - start - cost.prepare) / kRays;
   return cost;

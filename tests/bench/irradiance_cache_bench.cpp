@@ -66,8 +66,7 @@ double relative_error(const std::vector<double>& values, const std::vector<doubl
   }
   std::sort(squares.begin(), squares.end());
   squares.resize(squares.size() - squares.size() / 1000);
-  return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) /
-                   static_cast<double>(squares.size()));
+  return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
 }
 
 struct Truth {
@@ -93,8 +92,7 @@ void cached(benchmark::State& state) {
     std::vector<double> values;
     std::vector<double> found;
     for (std::size_t i = 0; i < t.pixels.size(); ++i) {
-      const auto read =
-          integrator.cache().interpolate(t.pixels[i].vertex.point.position, t.pixels[i].vertex.bsdf.ns());
+      const auto read = integrator.cache().interpolate(t.pixels[i].vertex.point.position, t.pixels[i].vertex.bsdf.ns());
       if (!read) continue;
       values.push_back(double{luminance(*read)});
       found.push_back(t.irradiance[i]);
@@ -102,8 +100,7 @@ void cached(benchmark::State& state) {
     state.counters["records"] = static_cast<double>(integrator.figures().records);
     state.counters["rays/pixel"] = static_cast<double>(integrator.figures().gather_rays) / (kEdge * kEdge);
     state.counters["error"] = relative_error(values, found);
-    state.counters["missed"] =
-        1.0 - static_cast<double>(values.size()) / static_cast<double>(t.pixels.size());
+    state.counters["missed"] = 1.0 - static_cast<double>(values.size()) / static_cast<double>(t.pixels.size());
   }
 }
 BENCHMARK(cached)

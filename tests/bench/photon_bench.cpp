@@ -93,11 +93,10 @@ void gather(benchmark::State& state) {
       for (int i = 0; i < kTileEdge * kTileEdge; ++i) {
         const int row = i / kTileEdge, column = row % 2 == 0 ? i % kTileEdge : kTileEdge - 1 - i % kTileEdge;
         const int x = tile % kTiles * kTileEdge + column, y = tile / kTiles * kTileEdge + row;
-        const DiscQuery query{
-            {(static_cast<float>(x) + 0.5f) * kStep, 0.0f, (static_cast<float>(y) + 0.5f) * kStep},
-            {0, 1, 0},
-            radius2,
-            false};
+        const DiscQuery query{{(static_cast<float>(x) + 0.5f) * kStep, 0.0f, (static_cast<float>(y) + 0.5f) * kStep},
+                              {0, 1, 0},
+                              radius2,
+                              false};
         found += (with_cursor ? cursor.sum_flux(query) : tree.sum_flux(query)).count;
       }
     }

@@ -36,9 +36,9 @@ std::vector<Vec3f> query_points(bool coherent) {
   for (int y = 0; y < 500; ++y) {
     for (int x = 0; x < 1000; ++x) {
       const Vec2f p = rng.next2();
-      points.push_back(
-          coherent ? Vec3f{(static_cast<float>(x) + 0.5f) * 1e-3f, 0, (static_cast<float>(y) + 0.5f) * 2e-3f}
-                   : Vec3f{p.x, 0, p.y});
+      points.push_back(coherent
+                           ? Vec3f{(static_cast<float>(x) + 0.5f) * 1e-3f, 0, (static_cast<float>(y) + 0.5f) * 2e-3f}
+                           : Vec3f{p.x, 0, p.y});
     }
   }
   return points;
@@ -82,8 +82,8 @@ void find_nearest_one(benchmark::State& state) {
     for (const Vec3f& point : points) sum += map.nearest_one({point, {0, 1, 0}, 1e-2f, 1, false});
   }
   benchmark::DoNotOptimize(sum);
-  state.counters["Mqueries/s"] = 1e-6 * static_cast<double>(points.size()) *
-                                 static_cast<double>(state.iterations()) / (thread_seconds() - start);
+  state.counters["Mqueries/s"] =
+      1e-6 * static_cast<double>(points.size()) * static_cast<double>(state.iterations()) / (thread_seconds() - start);
 }
 BENCHMARK(find_nearest_one)->ArgNames({"in_order"})->Arg(1)->Arg(0)->Unit(benchmark::kMillisecond);
 
@@ -106,8 +106,8 @@ void build_map(benchmark::State& state) {
   state.counters["Mphotons"] = millions;
   state.counters["MB/Mphotons"] = 1e-6 * static_cast<double>(bytes) / millions;
   state.counters["search_MB/Mphotons"] = 1e-6 * static_cast<double>(search_bytes) / millions;
-  state.counters["s/Mphotons"] = benchmark::Counter(
-      millions, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["s/Mphotons"] =
+      benchmark::Counter(millions, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 BENCHMARK(build_map)->ArgNames({"threads"})->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
 

@@ -1,5 +1,5 @@
-// Photon ray splatting against a plain disc estimate of photon hits at edges, photon differentials against none on the caustic
-// of a metal ring, and the speed of splatting. Run: pf_photon_splat_bench.
+// Photon ray splatting against a plain disc estimate of photon hits at edges, photon differentials against none on the
+// caustic of a metal ring, and the speed of splatting. Run: pf_photon_splat_bench.
 
 #include <array>
 #include <cmath>
@@ -34,8 +34,8 @@ struct Irradiance {
 /// Every kernel is a circle of this radius.
 RayKernel circle_of(const PhotonSegment& s, float radius) {
   const Frame frame = Frame::from_normal(s.direction);
-  return RayKernel(s.origin, s.direction, s.length, frame.t, frame.b, {radius * radius, 0.0f, radius * radius}, {}, {}, s.start,
-                   s.end);
+  return RayKernel(s.origin, s.direction, s.length, frame.t, frame.b, {radius * radius, 0.0f, radius * radius}, {}, {},
+                   s.start, s.end);
 }
 
 Irradiance irradiance_at(const Scene& scene, const std::vector<Vec3f>& points, const Vec3f& normal, float radius) {
@@ -80,13 +80,14 @@ Irradiance irradiance_at(const Scene& scene, const std::vector<Vec3f>& points, c
 }
 
 /// Mean estimate of rows of points at these distances from an edge, in radii, relative to the truth.
-void report_by_distance(benchmark::State& state, const Scene& scene, const Vec3f& edge, const Vec3f& inwards, const Vec3f& along,
-                        const Vec3f& normal, float radius, double truth) {
+void report_by_distance(benchmark::State& state, const Scene& scene, const Vec3f& edge, const Vec3f& inwards,
+                        const Vec3f& along, const Vec3f& normal, float radius, double truth) {
   const std::array distances{0.05f, 0.25f, 0.5f, 1.0f, 2.0f};
   constexpr int kRow = 100;
   std::vector<Vec3f> points;
   for (const float d : distances) {
-    for (int i = 0; i < kRow; ++i) points.push_back(edge + inwards * (d * radius) + along * ((static_cast<float>(i) + 0.5f) / kRow));
+    for (int i = 0; i < kRow; ++i)
+      points.push_back(edge + inwards * (d * radius) + along * ((static_cast<float>(i) + 0.5f) / kRow));
   }
   for (auto _ : state) {
     const Irradiance found = irradiance_at(scene, points, normal, radius);
@@ -156,8 +157,8 @@ std::unique_ptr<const Scene> ring_scene() {
 void ring_caustic(benchmark::State& state) {
   static const auto scene = ring_scene();
   JobSpec spec = test::job(128, 128, IntegratorType::kSppm, 500000);
-  static const std::vector<Rgb> reference = test::layer_of(
-      test::render(SppmIntegrator(*scene, scene->cameras().front(), spec), 40), "caustics");
+  static const std::vector<Rgb> reference =
+      test::layer_of(test::render(SppmIntegrator(*scene, scene->cameras().front(), spec), 40), "caustics");
   spec = test::job(128, 128, IntegratorType::kPhotonSplat, 50000);
   spec.photon_splat.differentials = state.range(0) != 0;
   const PhotonSplatIntegrator splat(*scene, scene->cameras().front(), spec);

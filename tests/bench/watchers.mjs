@@ -2,7 +2,8 @@
 // What clients of the dashboard cost a job: sub-passes/s alone and with N of them, in turns within one run, and what the
 // coordinator takes of the processors.   node tests/bench/watchers.mjs [--bin DIR] [--clients 50] [--window 15] [--turns 4]
 // A client asks what the page asks: events, pixels as the image refines, log, convergence, workers. All run on this machine, so
-// that the sub-passes that they cost include what the clients themselves take of it.
+// that the sub-passes that they cost include what the clients themselves take of it: what the coordinator takes more of the
+// processors is what they would cost a job from machines of their own.
 import { readFileSync } from "node:fs";
 import { cpus } from "node:os";
 import { dirname, join } from "node:path";
@@ -41,6 +42,14 @@ async function client(farm, id, signal, counts) {
       await pause(seconds);
     }
   };
+  const log = async () => {
+    let after = 0;
+    while (!signal.aborted) {
+      const lines = (await (await get(`/v1/jobs/${id}/logs?after=${after}`)).text()).split("\n").filter((line) => line !== "");
+      if (lines.length > 0) after = JSON.parse(lines.at(-1)).number;
+      await pause(3);
+    }
+  };
   let job;
   const watch = async () => {
     const reply = await get(`/v1/jobs/${id}/events`);
@@ -56,14 +65,15 @@ async function client(farm, id, signal, counts) {
     }
   };
   const draw = async () => {
-    let passes = 0, last = -Infinity, etag = "";
+    let passes = 0, last = -Infinity, least = 700, etag = "";
     while (!signal.aborted) {
       const since = performance.now() - last;
-      const due = job !== undefined && since > 700 && job.passes_done > passes && (job.passes_done >= 1.1 * passes || since > 15_000);
+      const due = job !== undefined && since > least && job.passes_done > passes && (job.passes_done >= 1.1 * passes || since > 15_000);
       if (due) {
         last = performance.now();
         const reply = await get(`/v1/jobs/${id}/pixels?layer=beauty&max_width=640`, etag === "" ? {} : { "If-None-Match": etag });
         counts.bytes += (await reply.arrayBuffer()).byteLength;
+        least = reply.status === 304 ? Math.min(2 * least, 15_000) : 700;
         if (reply.status === 304) continue;
         etag = reply.headers.get("ETag");
         passes = Number(reply.headers.get("Photonfarm-Passes"));
@@ -73,7 +83,7 @@ async function client(farm, id, signal, counts) {
     }
   };
   const quiet = (promise) => promise.catch((error) => void (signal.aborted || (counts.failed = String(error))));
-  await Promise.all([watch(), draw(), repeat(`/v1/jobs/${id}/logs?after=0`, 3), repeat(`/v1/jobs/${id}/convergence`, 5), repeat("/v1/workers", 4)].map(quiet));
+  await Promise.all([watch(), draw(), log(), repeat(`/v1/jobs/${id}/convergence`, 5), repeat("/v1/workers", 4)].map(quiet));
 }
 
 const cpuSeconds = (pid) => {

@@ -1,5 +1,6 @@
-// Results of real sub-passes on their way: packing, unpacking into a film's sums, and the coordinator's whole way from chunk to
-// sums, spool file and hashes included; all on one core. MB/s are of the sums in memory (88 bytes a pixel, 104 with features). Run: pf_wire_bench.
+// Results of real sub-passes on their way: packing, unpacking into a film's sums, and the coordinator's whole way from
+// chunk to sums, spool file and hashes included; all on one core. MB/s are of the sums in memory (88 bytes a pixel, 104
+// with features). Run: pf_wire_bench.
 
 #include <benchmark/benchmark.h>
 
@@ -35,8 +36,7 @@ const Statistics& results(std::int64_t index) {
 }
 
 void name(benchmark::State& state) {
-  constexpr const char* kNames[] = {"SPPM, sub-pass 0 with features", "SPPM, 16 sub-passes",
-                                    "path, 16 sub-passes"};
+  constexpr const char* kNames[] = {"SPPM, sub-pass 0 with features", "SPPM, 16 sub-passes", "path, 16 sub-passes"};
   state.SetLabel(kNames[state.range(0)]);
 }
 
@@ -82,7 +82,8 @@ void unpack_and_add(benchmark::State& state) {
 }
 BENCHMARK(unpack_and_add)->DenseRange(0, 2)->Unit(benchmark::kMillisecond);
 
-/// As FarmJob takes a result in: every chunk is hashed and spooled as it comes; once all are here they are read back and added.
+/// As FarmJob takes a result in: every chunk is hashed and spooled as it comes; once all are here they are read back
+/// and added.
 void take_in(benchmark::State& state) {
   name(state);
   const Statistics& sums = results(state.range(0));

@@ -42,8 +42,7 @@ class ApiFuzz : public FarmFaults {
   void SetUp() override {
     FarmFaults::SetUp();
     if (HasFatalFailure()) return;
-    std::ofstream(state_ / "config.toml")
-        << "[limits]\nrequests_per_second = 1000000\nrequest_burst = 1000000\n";
+    std::ofstream(state_ / "config.toml") << "[limits]\nrequests_per_second = 1000000\nrequest_burst = 1000000\n";
     start_farm(1);
     token_ = first_line("token");
     url_ = first_line("url");
@@ -66,8 +65,8 @@ class ApiFuzz : public FarmFaults {
     // A body that is announced and does not come would be waited for.
     if (!request.right) ::shutdown(connection.descriptor(), SHUT_WR);
     const std::string head = connection.receive("\r\n\r\n");
-    const bool is_stream = head.find("text/event-stream") != std::string::npos ||
-                           head.find("application/x-ndjson") != std::string::npos;
+    const bool is_stream =
+        head.find("text/event-stream") != std::string::npos || head.find("application/x-ndjson") != std::string::npos;
     if (is_stream) return test::parse_reply(head.substr(0, head.find("\r\n\r\n") + 4));
     const std::string all = connection.receive();
     constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
@@ -78,8 +77,7 @@ class ApiFuzz : public FarmFaults {
     if (request.method == "HEAD") return;
     const auto type = reply.headers.find("content-type");
     ASSERT_TRUE(type != reply.headers.end()) << shown(request) << "\n-> " << reply.status;
-    EXPECT_EQ(type->second, "application/problem+json")
-        << shown(request) << "\n-> " << reply.status << reply.body;
+    EXPECT_EQ(type->second, "application/problem+json") << shown(request) << "\n-> " << reply.status << reply.body;
     const json problem = json::parse(reply.body, nullptr, false);
     EXPECT_EQ(test::misfit(document_, problem, {{"$ref", "#/components/schemas/Problem"}}, "problem"), "")
         << shown(request) << reply.body;
@@ -180,8 +178,7 @@ TEST_F(ApiFuzz, NothingThatIsAskedBreaksTheServerOrLosesAJob) {
     if (answered_[operation.method + " " + operation.path] == 0)
       never += operation.method + " " + operation.path + "\n";
   }
-  EXPECT_LE(std::count(never.begin(), never.end(), '\n'), 12) << "asked rightly, and yet never answered:\n"
-                                                              << never;
+  EXPECT_LE(std::count(never.begin(), never.end(), '\n'), 12) << "asked rightly, and yet never answered:\n" << never;
 
   coordinator_->signal(SIGKILL);
   ASSERT_TRUE(coordinator_->wait(in(kPatience)));

@@ -48,8 +48,7 @@ std::string ApiRequest::text() const {
 
 ApiRequests::ApiRequests(json document, std::uint64_t seed) : document_(std::move(document)), random_(seed) {
   for (const auto& [path, methods] : document_.at("paths").items()) {
-    for (const auto& [method, description] : methods.items())
-      operations_.push_back({upper(method), path, description});
+    for (const auto& [method, description] : methods.items()) operations_.push_back({upper(method), path, description});
   }
 }
 
@@ -71,8 +70,7 @@ json ApiRequests::value_of(const json& given, const std::string& name) {
   if (type == "integer" || type == "number") {
     const double low = schema.value("minimum", schema.value("exclusiveMinimum", 0.0)),
                  high = schema.value("maximum", 1000.0);
-    const double value =
-        low + (std::min(high, low + 1000.0) - low) * static_cast<double>(1 + below(1000)) / 1000.0;
+    const double value = low + (std::min(high, low + 1000.0) - low) * static_cast<double>(1 + below(1000)) / 1000.0;
     return type == "integer" ? json(static_cast<std::int64_t>(value)) : json(value);
   }
   return type == "null" ? json() : json("fuzz");
@@ -106,8 +104,7 @@ ApiRequest ApiRequests::right(const Operation& operation) {
     const std::string name = parameter.at("name"), in = parameter.at("in");
     if (in != "path" && !chance(0.5)) continue;
     const std::string value = text_of(value_of(parameter.at("schema"), name));
-    if (in == "path")
-      request.target.replace(request.target.find("{" + name + "}"), name.size() + 2, escaped(value));
+    if (in == "path") request.target.replace(request.target.find("{" + name + "}"), name.size() + 2, escaped(value));
     if (in == "query") query += (query.empty() ? "?" : "&") + name + "=" + escaped(value);
     if (in == "header") request.headers.emplace_back(name, fmt::format("key-{}", below(1000)));
   }
@@ -260,8 +257,8 @@ void ApiRequests::spoil_text(std::string& body) {
       break;
     case 2:
       body.insert(below(body.size() + 1),
-                  one_of(std::vector<std::string>{"\xff", "\xc3\x28", std::string(1, '\0'), "\xed\xa0\x80",
-                                                  "NaN", "//", ",", "}", "\"", "\\u0000", "1e9999"}));
+                  one_of(std::vector<std::string>{"\xff", "\xc3\x28", std::string(1, '\0'), "\xed\xa0\x80", "NaN", "//",
+                                                  ",", "}", "\"", "\\u0000", "1e9999"}));
       break;
     case 3:
       body = std::string(1 + below(200000), chance(0.5) ? '[' : '{');
@@ -279,8 +276,8 @@ void ApiRequests::spoil_text(std::string& body) {
       body += body;
       break;
     default:
-      body = one_of(std::vector<std::string>{"null", "[]", "0", "\"\"", "{}", " ",
-                                             "{\"spec\": 1, \"spec\": {}}", "true", "{\"\":{}}"});
+      body = one_of(std::vector<std::string>{"null", "[]", "0", "\"\"", "{}", " ", "{\"spec\": 1, \"spec\": {}}",
+                                             "true", "{\"\":{}}"});
   }
 }
 
@@ -339,8 +336,7 @@ void ApiRequests::spoil_headers(ApiRequest& request) {
       {"Idempotency-Key", "\xc3\xbc"},
       {"Cookie", "a=b"}};
   const auto& [name, value] = one_of(kBad);
-  if (chance(0.8))
-    std::erase_if(request.headers, [&name = name](const auto& header) { return header.first == name; });
+  if (chance(0.8)) std::erase_if(request.headers, [&name = name](const auto& header) { return header.first == name; });
   request.headers.emplace_back(name, value);
 }
 

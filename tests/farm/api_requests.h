@@ -40,9 +40,7 @@ class ApiRequests {
 
  private:
   [[nodiscard]] std::uint64_t below(std::uint64_t end) { return random_() % end; }
-  [[nodiscard]] bool chance(double p) {
-    return static_cast<double>(random_() >> 11) < p * 9007199254740992.0;
-  }
+  [[nodiscard]] bool chance(double p) { return static_cast<double>(random_() >> 11) < p * 9007199254740992.0; }
   template <typename T>
   [[nodiscard]] const T& one_of(const std::vector<T>& choices) {
     return choices[below(choices.size())];

@@ -25,7 +25,8 @@ using std::chrono::steady_clock;
 inline constexpr double kPatience = 30.0;
 
 inline steady_clock::time_point in(double seconds) {
-  return steady_clock::now() + std::chrono::duration_cast<steady_clock::duration>(std::chrono::duration<double>(seconds));
+  return steady_clock::now() +
+         std::chrono::duration_cast<steady_clock::duration>(std::chrono::duration<double>(seconds));
 }
 
 inline double seconds_since(steady_clock::time_point start) {

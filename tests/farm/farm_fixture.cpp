@@ -15,8 +15,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kUsers = 6;                  // worker-1 ... worker-6 have passwords
-constexpr std::size_t kLastBytes = 6000;   // of a process's output, when a test fails
+constexpr int kUsers = 6;                 // worker-1 ... worker-6 have passwords
+constexpr std::size_t kLastBytes = 6000;  // of a process's output, when a test fails
 const fs::path kJob = test::source_dir() / "jobs" / "peer-box.toml";
 const fs::path kBin = test::bin_dir();
 
@@ -28,11 +28,15 @@ fs::path find_server() {
 }  // namespace
 
 std::vector<std::string> TestJob::settings() const {
-  std::vector<std::string> all = {fmt::format("job.name={}", name),           fmt::format("job.priority={}", priority),
-          "image.width=48",                           "image.height=48",
-          fmt::format("integrator.photons={}", photons), fmt::format("integrator.type={}", type),
-          fmt::format("integrator.mode={}", mode),    fmt::format("stop.passes={}", passes),
-          fmt::format("checkpoint.seconds={}", checkpoint_seconds)};
+  std::vector<std::string> all = {fmt::format("job.name={}", name),
+                                  fmt::format("job.priority={}", priority),
+                                  "image.width=48",
+                                  "image.height=48",
+                                  fmt::format("integrator.photons={}", photons),
+                                  fmt::format("integrator.type={}", type),
+                                  fmt::format("integrator.mode={}", mode),
+                                  fmt::format("stop.passes={}", passes),
+                                  fmt::format("checkpoint.seconds={}", checkpoint_seconds)};
   all.insert(all.end(), more.begin(), more.end());
   return all;
 }
@@ -100,8 +104,8 @@ void FarmFaults::start_engine() {
 void FarmFaults::start_coordinator() {
   coordinator_.reset();
   coordinator_.emplace(start(kBin / "photonfarm-coordinator",
-                             {"--state", state_.string(), "--credentials", server_->credentials("coordinator").string(), "--engine",
-                              engine_url(), "--ack-wait", fmt::format("{}", ack_wait_)},
+                             {"--state", state_.string(), "--credentials", server_->credentials("coordinator").string(),
+                              "--engine", engine_url(), "--ack-wait", fmt::format("{}", ack_wait_)},
                              "coordinator"));
   ASSERT_TRUE(wait_until([&] { return fs::exists(state_ / "url"); }, kPatience));
 }
@@ -111,9 +115,9 @@ void FarmFaults::start_worker(int number) {
   std::vector<std::string> words = worker_prefix_;
   const std::string name = worker_name(number);
   for (const std::string& word :
-       {(kBin / "photonfarm-worker").string(), std::string("serve"), std::string("--credentials"), server_->credentials(name).string(),
-        std::string("--engine"), engine_url(), std::string("--threads"), std::string("1"), std::string("--cache"),
-        (folder_.path() / "cache").string()}) {
+       {(kBin / "photonfarm-worker").string(), std::string("serve"), std::string("--credentials"),
+        server_->credentials(name).string(), std::string("--engine"), engine_url(), std::string("--threads"),
+        std::string("1"), std::string("--cache"), (folder_.path() / "cache").string()}) {
     words.push_back(word);
   }
   const std::string program = words.front();

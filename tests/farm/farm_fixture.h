@@ -99,9 +99,9 @@ class FarmFaults : public ::testing::Test {
   [[nodiscard]] std::string text_of(const std::string& log) const;
 
   TemporaryFolder folder_;
-  std::filesystem::path state_;           ///< the coordinator's
+  std::filesystem::path state_;  ///< the coordinator's
   double ack_wait_ = 1.0;
-  std::string address_;                   ///< that the engine listens on and all connect to; empty: loopback
+  std::string address_;                     ///< that the engine listens on and all connect to; empty: loopback
   std::vector<std::string> worker_prefix_;  ///< program and arguments before the worker's own
   std::optional<NatsServer> server_;
   std::optional<Child> engine_, coordinator_;

@@ -27,13 +27,14 @@ TEST(FarmInit, MakesAllFilesAndKeepsSecretsToTheirOwner) {
   const fs::path folder = temporary.path() / "farm";
   ASSERT_TRUE(make_farm_folder({folder, {"render.example.org", "10.0.0.7"}, 3, 4333}));
   const auto files = files_of(folder);
-  for (const char* name : {"ca.pem", "ca-key.pem", "server.pem", "server-key.pem", "nats-server.conf", "coordinator.toml",
-                           "config.toml", "worker-1.toml", "worker-2.toml", "worker-3.toml"}) {
+  for (const char* name : {"ca.pem", "ca-key.pem", "server.pem", "server-key.pem", "nats-server.conf",
+                           "coordinator.toml", "config.toml", "worker-1.toml", "worker-2.toml", "worker-3.toml"}) {
     EXPECT_TRUE(files.contains(name)) << name;
   }
   EXPECT_EQ(files.size(), 10U);
   for (const auto& [name, text] : files) {
-    const bool open = (fs::status(folder / name).permissions() & (fs::perms::group_all | fs::perms::others_all)) != fs::perms::none;
+    const bool open =
+        (fs::status(folder / name).permissions() & (fs::perms::group_all | fs::perms::others_all)) != fs::perms::none;
     EXPECT_EQ(open, name == "ca.pem" || name == "server.pem") << name;
   }
   const auto options = load_credentials(folder / "worker-2.toml");

@@ -13,8 +13,8 @@ namespace {
 constexpr const char* kHere = "10.213.0.1";
 constexpr const char* kThere = "10.213.0.2";
 
-/// This process's threads and children in a network of their own, and another host beside it: a namespace that a sleeping
-/// process holds. Nothing is left of either when the processes are gone.
+/// This process's threads and children in a network of their own, and another host beside it: a namespace that a
+/// sleeping process holds. Nothing is left of either when the processes are gone.
 class NetworkCut : public FarmFaults {
  protected:
   void SetUp() override {
@@ -29,8 +29,12 @@ class NetworkCut : public FarmFaults {
     ASSERT_TRUE(host) << host.error().message;
     host_.emplace(std::move(*host));
     const std::string pid = std::to_string(host_->pid());
-    const auto of = [](const std::string& process) { return std::filesystem::read_symlink("/proc/" + process + "/ns/net"); };
-    ASSERT_TRUE(wait_until([&] { return of(pid) != of(std::to_string(::gettid())) && of(pid) != of(std::to_string(::getppid())); }, kPatience));
+    const auto of = [](const std::string& process) {
+      return std::filesystem::read_symlink("/proc/" + process + "/ns/net");
+    };
+    ASSERT_TRUE(wait_until(
+        [&] { return of(pid) != of(std::to_string(::gettid())) && of(pid) != of(std::to_string(::getppid())); },
+        kPatience));
     worker_prefix_ = {nsenter.string(), "-t", pid, "-n"};
     run({"link", "set", "lo", "up"});
     run({"link", "add", "here", "type", "veth", "peer", "name", "there", "netns", pid});

@@ -89,7 +89,8 @@ TEST_F(FarmFaults, AWorkerThatReturnsNanOrAWrongHashIsQuarantinedAndNamed) {
   }));
   const HandledWorker wrong(handled(3, [](const wire::FromWorker& message) {
     Messages out{message};
-    if (message.has_result() && message.result().kind() == wire::Task::SUB_PASSES) (*out[0].mutable_result()->mutable_content())[5] ^= 4;
+    if (message.has_result() && message.result().kind() == wire::Task::SUB_PASSES)
+      (*out[0].mutable_result()->mutable_content())[5] ^= 4;
     return out;
   }));
   const TestJob job;
@@ -104,7 +105,8 @@ TEST_F(FarmFaults, AWorkerThatReturnsNanOrAWrongHashIsQuarantinedAndNamed) {
     EXPECT_EQ(state_of(farm_workers(), name).find("quarantined: "), 0U) << state_of(farm_workers(), name);
     EXPECT_NE(job_log(id).find(std::string(name) + " is in quarantine"), std::string::npos) << job_log(id);
   }
-  const auto listed = run_and_capture(test::bin_dir() / "photonfarm", {"workers", "--server", state_.string()}, kPatience);
+  const auto listed =
+      run_and_capture(test::bin_dir() / "photonfarm", {"workers", "--server", state_.string()}, kPatience);
   ASSERT_TRUE(listed) << listed.error().message;
   EXPECT_NE(listed->output.find("quarantined"), std::string::npos) << listed->output;
 }

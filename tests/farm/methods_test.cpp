@@ -13,7 +13,8 @@ TestJob job_of(const std::string& type) {
   job.type = type;
   job.passes = 8;
   job.photons = 10000;
-  job.more = {"photon_map.caustic_photons=10000", "final_gather.rays=32", "irradiance_cache.rays=32", "ppm.eye_samples=2"};
+  job.more = {"photon_map.caustic_photons=10000", "final_gather.rays=32", "irradiance_cache.rays=32",
+              "ppm.eye_samples=2"};
   return job;
 }
 

@@ -31,8 +31,7 @@ std::string chunk(const std::string& type, const std::string& data) {
 
 /// Some twenty bytes of data that promise so many pixels of 16-bit RGBA.
 std::string bomb_png(std::uint32_t side) {
-  return "\x89PNG\r\n\x1A\n" +
-         chunk("IHDR", big_endian(side) + big_endian(side) + std::string("\x10\x06\0\0\0", 5)) +
+  return "\x89PNG\r\n\x1A\n" + chunk("IHDR", big_endian(side) + big_endian(side) + std::string("\x10\x06\0\0\0", 5)) +
          chunk("IDAT", std::string("\x78\xDA\x63\0\0\0\x01\0\x01", 9)) + chunk("IEND", "");
 }
 
@@ -65,8 +64,7 @@ class Oversized : public FarmFaults {
   }
   /// Most memory that the worker has held so far [bytes].
   [[nodiscard]] std::uint64_t peak_of_worker() const {
-    const std::string status =
-        read_file(fmt::format("/proc/{}/status", workers_.at(1).pid()), 1 << 16).value_or("");
+    const std::string status = read_file(fmt::format("/proc/{}/status", workers_.at(1).pid()), 1 << 16).value_or("");
     const std::size_t at = status.find("VmHWM:");
     return at == std::string::npos ? 0 : std::stoull(status.substr(at + 6)) * 1024;
   }
@@ -84,8 +82,7 @@ TEST_F(Oversized, ATextureThatPromisesTooMuchFailsItsJobAndNothingElse) {
     const fs::path job = job_with(bomb_png(side));
     std::ostringstream out, err;
     const Context context{test::bin_dir(), "/usr/bin:/bin", state_, folder_.path(), out, err};
-    EXPECT_EQ(run_photonfarm(context, {"submit", job.string(), "--wait", "--out", folder_.path().string()}),
-              5)
+    EXPECT_EQ(run_photonfarm(context, {"submit", job.string(), "--wait", "--out", folder_.path().string()}), 5)
         << err.str();
     EXPECT_NE(err.str().find(says), std::string::npos) << err.str();
     EXPECT_NE(err.str().find("bomb.png"), std::string::npos) << err.str();

@@ -56,19 +56,15 @@ TEST_F(Provenance, AFarmsImageIsVerifiedAndRenderedAgain) {
   ASSERT_FALSE(hash_of_single_node(job).empty());
   EXPECT_EQ(metadata(image("box"), "state_chain"),
             metadata(folder_.path() / "single" / "box" / "box.exr", "state_chain"));
-  EXPECT_EQ(metadata(image("box"), "files"),
-            metadata(folder_.path() / "single" / "box" / "box.exr", "files"));
+  EXPECT_EQ(metadata(image("box"), "files"), metadata(folder_.path() / "single" / "box" / "box.exr", "files"));
 
   EXPECT_EQ(run({"verify", image("box").string(), "--json"}), 0) << out_.str() << err_.str();
   EXPECT_TRUE(nlohmann::json::parse(out_.str()).value("same", false)) << out_.str();
 
   // Rendered again from the image alone.
-  EXPECT_EQ(run({"submit", "--from", image("box").string(), "--wait", "--out",
-                 (folder_.path() / "again").string()}),
-            0)
+  EXPECT_EQ(run({"submit", "--from", image("box").string(), "--wait", "--out", (folder_.path() / "again").string()}), 0)
       << err_.str();
-  EXPECT_EQ(metadata(folder_.path() / "again" / "box.exr", "state_chain"),
-            metadata(image("box"), "state_chain"));
+  EXPECT_EQ(metadata(folder_.path() / "again" / "box.exr", "state_chain"), metadata(image("box"), "state_chain"));
 
   // One float of one layer is another.
   auto forged = read_exr(image("box"));
@@ -121,8 +117,7 @@ TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
     std::error_code error;
     for (const auto& fd : fs::directory_iterator(fds, error)) {
       const fs::path target = fs::read_symlink(fd.path(), error);
-      const std::string info =
-          read_file(fds.parent_path() / "fdinfo" / fd.path().filename(), 4096).value_or("");
+      const std::string info = read_file(fds.parent_path() / "fdinfo" / fd.path().filename(), 4096).value_or("");
       const std::size_t flags = info.find("flags:");
       if (error || flags == std::string::npos || !target.string().starts_with('/') ||
           target.string().starts_with("/dev/") || inherited.contains(target))
@@ -174,8 +169,7 @@ TEST_F(Provenance, AnEstimateIsMadeOnTheFarmByTheJobItself) {
     EXPECT_LE(document[what]["likely"], document[what]["high"]) << what;
   }
   EXPECT_GT(document["seconds"]["likely"].get<double>(), 4);
-  EXPECT_NE(err_.str().find(fmt::format("photonfarm extend {}", document["job"].get<std::string>())),
-            std::string::npos)
+  EXPECT_NE(err_.str().find(fmt::format("photonfarm extend {}", document["job"].get<std::string>())), std::string::npos)
       << err_.str();
 }
 

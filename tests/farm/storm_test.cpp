@@ -1,5 +1,5 @@
-// Many small jobs while workers and the coordinator are killed at random: all end, none twice, none is lost, and what the API
-// took meanwhile. PHOTONFARM_STORM_JOBS (20) says how many; tests/farm/storm runs it with 1000.
+// Many small jobs while workers and the coordinator are killed at random: all end, none twice, none is lost, and what
+// the API took meanwhile. PHOTONFARM_STORM_JOBS (20) says how many; tests/farm/storm runs it with 1000.
 
 #include <algorithm>
 #include <csignal>
@@ -45,7 +45,8 @@ class Prober {
     return options;
   }
   void probe() {
-    const std::vector<std::string> paths{"/v1/jobs?limit=20", "/v1/workers", "/v1/jobs/storm-0-1", "/v1/jobs/storm-0-1/logs", "/v1/jobs?state=running"};
+    const std::vector<std::string> paths{"/v1/jobs?limit=20", "/v1/workers", "/v1/jobs/storm-0-1",
+                                         "/v1/jobs/storm-0-1/logs", "/v1/jobs?state=running"};
     for (std::size_t i = 0; !stopping_.load(); ++i) {
       const auto begin = steady_clock::now();
       const auto reply = client_.try_call({.path = paths[i % paths.size()]});
@@ -121,9 +122,16 @@ TEST_F(Storm, EveryJobEndsOnceWhoeverIsKilled) {
     ids.insert(submit(tiny(i)));
     disturb();
   }
-  EXPECT_EQ(ids.size(), static_cast<std::size_t>(jobs())) << "a submission that is repeated is the same job, another one is not";
+  EXPECT_EQ(ids.size(), static_cast<std::size_t>(jobs()))
+      << "a submission that is repeated is the same job, another one is not";
   const double patience = kStuck + 4.0 * jobs();
-  ASSERT_TRUE(wait_until([&] { disturb(); return all_ended(); }, patience)) << "stuck";
+  ASSERT_TRUE(wait_until(
+      [&] {
+        disturb();
+        return all_ended();
+      },
+      patience))
+      << "stuck";
   prober.stop();
   const double seconds = seconds_since(begin);
   std::map<std::string, std::string> hashes;
@@ -153,8 +161,9 @@ TEST_F(Storm, EveryJobEndsOnceWhoeverIsKilled) {
     }
     EXPECT_EQ(next, 3u) << job.id << ": every sub-pass counts once";
   }
-  std::cout << fmt::format("{} jobs in {:.1f} s, {} killed; API: {} answers, {} refusals, median {:.1f} ms, 99th percentile {:.1f} ms\n", jobs(),
-                           seconds, kills_, prober.answers(), prober.refusals(), prober.percentile(0.5), prober.percentile(0.99));
+  std::cout << fmt::format(
+      "{} jobs in {:.1f} s, {} killed; API: {} answers, {} refusals, median {:.1f} ms, 99th percentile {:.1f} ms\n",
+      jobs(), seconds, kills_, prober.answers(), prober.refusals(), prober.percentile(0.5), prober.percentile(0.99));
 }
 
 TEST_F(Storm, AfterIsAllWellTheDoctorSays) {

@@ -201,9 +201,10 @@ TEST_F(Farm, SaysWhatIsMissing) {
 }
 
 TEST_F(Farm, ASecondSignalDoesNotWait) {
-  write_script("photonfarm-worker", "#!/bin/bash\ntrap '' TERM\nwhile [ $# -gt 0 ]; do case $1 in --name) name=$2;; "
-                                    "--cache) state=${2%/cache};; esac; shift; done\n"
-                                    "echo $$ >\"$state/$name.started\"\nwhile :; do read -r -t 1000 <>\"$state/never\"; done\n");
+  write_script("photonfarm-worker",
+               "#!/bin/bash\ntrap '' TERM\nwhile [ $# -gt 0 ]; do case $1 in --name) name=$2;; "
+               "--cache) state=${2%/cache};; esac; shift; done\n"
+               "echo $$ >\"$state/$name.started\"\nwhile :; do read -r -t 1000 <>\"$state/never\"; done\n");
   Child farm = start();
   wait_for("worker-1");
   wait_for("worker-2");

@@ -26,8 +26,7 @@ TEST(JobsPerToken, OneMoreThanTheLimitIsRefusedUntilAnotherHasEnded) {
   const auto refused = submit("ada");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().kind, ErrorKind::kUnavailable);
-  EXPECT_NE(refused.error().message.find("'ada' has 2 jobs that have not ended; expected at most 2"),
-            std::string::npos)
+  EXPECT_NE(refused.error().message.find("'ada' has 2 jobs that have not ended; expected at most 2"), std::string::npos)
       << refused.error().message;
   EXPECT_EQ(farm.list().size(), 2u);
   EXPECT_EQ(submit("ada", "a-key").value().id, first->id) << "a repetition is no further job";

@@ -13,8 +13,8 @@ FilmOptions pretended_film(const JobSpec& spec) {
   options.height = spec.image.height;
   const bool tiles = spec.integrator.type == IntegratorType::kPhotonMap;
   options.estimator = spec.integrator.type == IntegratorType::kPath || tiles ? Estimator::kPath
-                      : spec.integrator.mode == ProgressiveMode::kShared ? Estimator::kShared
-                                                                         : Estimator::kIndependent;
+                      : spec.integrator.mode == ProgressiveMode::kShared     ? Estimator::kShared
+                                                                             : Estimator::kIndependent;
   options.scale = SumScale::from_scene(1.0, 1e-3, 2.0);
   options.alpha = spec.integrator.alpha;
   options.round_growth = spec.integrator.round_growth;

@@ -16,7 +16,6 @@ JobSpec path_job() { return job_of("path", IntegratorType::kPath, ProgressiveMod
 /// A method whose sub-passes are tiles of the image.
 JobSpec tiles_job() { return job_of("tiles", IntegratorType::kPhotonMap, ProgressiveMode::kShared, 4); }
 
-
 void expect_the_single_nodes_images(World& world, const std::vector<JobSpec>& specs, std::uint64_t seed) {
   std::vector<std::string> ids;
   for (const JobSpec& spec : specs) ids.push_back(world.submit(spec));
@@ -80,7 +79,8 @@ TEST(Schedules, ALyingWorkerIsQuarantinedAndNamedAndItsSumsDoNotCount) {
     world.add_worker("honest");
     expect_the_single_nodes_images(world, {shared_job()}, static_cast<std::uint64_t>(lie));
     bool named = false;
-    for (const WorkerView& worker : world.farm().workers()) named = named || (worker.name == "liar" && worker.state == "quarantined");
+    for (const WorkerView& worker : world.farm().workers())
+      named = named || (worker.name == "liar" && worker.state == "quarantined");
     EXPECT_TRUE(named) << static_cast<int>(lie);
   }
 }

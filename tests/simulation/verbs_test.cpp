@@ -28,7 +28,8 @@ class Verbs : public testing::Test {
   void expect_image_of(const std::string& id, const JobSpec& spec) {
     ASSERT_TRUE(world_.run(kStuck)) << world_.describe();
     EXPECT_EQ(show(id).state, JobState::kDone) << world_.describe();
-    EXPECT_GE(show(id).passes_done, static_cast<std::uint64_t>(spec.stop.passes));  // single-pass methods take samples in fours
+    EXPECT_GE(show(id).passes_done,
+              static_cast<std::uint64_t>(spec.stop.passes));  // single-pass methods take samples in fours
     EXPECT_EQ(show(id).image_hash, hash_of_single_node(spec));
   }
   /// Until the job has so many passes.
@@ -260,8 +261,10 @@ TEST_F(Verbs, NoMoreWorkersThanPermittedTraceAJob) {
   ASSERT_TRUE(world_.farm().change(id, {.priority = 80, .max_workers = 0}, "ada"));
   EXPECT_EQ(show(id).priority, 80);
   expect_image_of(id, spec);
-  EXPECT_EQ(world_.farm().change(id, {.priority = 101, .max_workers = {}}, "ada").error().kind, ErrorKind::kInvalidInput);
-  EXPECT_EQ(world_.farm().change(id, {.priority = {}, .max_workers = 5000}, "ada").error().kind, ErrorKind::kInvalidInput);
+  EXPECT_EQ(world_.farm().change(id, {.priority = 101, .max_workers = {}}, "ada").error().kind,
+            ErrorKind::kInvalidInput);
+  EXPECT_EQ(world_.farm().change(id, {.priority = {}, .max_workers = 5000}, "ada").error().kind,
+            ErrorKind::kInvalidInput);
 }
 
 TEST_F(Verbs, JobsOfBeforeTheDatabaseAreTakenIn) {

@@ -28,7 +28,7 @@ struct World::Process {
   Lie lie = Lie::kNone;
   std::uint64_t incarnation = 0;
   double stopped_until = 0;
-  double fetch_until = -1;                ///< an unanswered fetch
+  double fetch_until = -1;  ///< an unanswered fetch
   std::unique_ptr<WorkerDoor> door;
   std::unique_ptr<FakeExecutor> executor;
   std::unique_ptr<BlobStore> blobs;
@@ -162,8 +162,9 @@ void World::start_coordinator() {
   options.incarnation = ++incarnation_;
   options.retention = retention_;
   options.jobs_per_token = jobs_per_token_;
-  farm_ = std::make_unique<Farm>(options, *coordinator_door_, *blobs_, clock_,
-                                 [this] { return static_cast<std::int64_t>(clock_.now() * 1000); }, log_);
+  farm_ = std::make_unique<Farm>(
+      options, *coordinator_door_, *blobs_, clock_, [this] { return static_cast<std::int64_t>(clock_.now() * 1000); },
+      log_);
   if (!farm_->restore()) {
     // Ends, and the supervisor tries again.
     farm_.reset();
@@ -275,8 +276,10 @@ void World::to_worker(const std::string& name, std::string bytes) {
 void World::misbehave() {
   for (auto& [name, p] : workers_) {
     if (p->stopped_until > clock_.now()) continue;
-    if (chance(mischief_.kill_worker * kTick)) kill_worker(name);
-    else if (chance(mischief_.stop_worker * kTick)) p->stopped_until = clock_.now() + 12.0 * random();
+    if (chance(mischief_.kill_worker * kTick))
+      kill_worker(name);
+    else if (chance(mischief_.stop_worker * kTick))
+      p->stopped_until = clock_.now() + 12.0 * random();
   }
   if (chance(mischief_.kill_coordinator * kTick)) kill_coordinator();
   if (!disk_full_ && chance(mischief_.fill_disk * kTick)) {
@@ -331,7 +334,8 @@ bool World::run(double seconds) {
 }
 
 std::string World::describe() {
-  std::string text = fmt::format("at {:.1f} s, engine {}, coordinator {}\n", clock_.now(), engine_up_ ? "up" : "down", farm_ ? "up" : "down");
+  std::string text = fmt::format("at {:.1f} s, engine {}, coordinator {}\n", clock_.now(), engine_up_ ? "up" : "down",
+                                 farm_ ? "up" : "down");
   for (const auto& [name, p] : workers_) {
     text += fmt::format("worker {}: {}, fetch until {:.1f}, stopped until {:.1f}\n", name,
                         p->session->finished() ? "finished" : "going", p->fetch_until, p->stopped_until);
@@ -343,10 +347,12 @@ std::string World::describe() {
   }
   if (!farm_) return text;
   for (const WorkerView& w : farm_->workers()) {
-    text += fmt::format("farm sees {}: {} holding {} of {}, heard {:.1f} s ago\n", w.name, w.state, w.units_held, w.job_id, w.seconds_since_heard);
+    text += fmt::format("farm sees {}: {} holding {} of {}, heard {:.1f} s ago\n", w.name, w.state, w.units_held,
+                        w.job_id, w.seconds_since_heard);
   }
   for (const JobView& v : farm_->list()) {
-    text += fmt::format("job {}: {} {}, {} passes, {} repeated\n", v.id, to_string(v.state), v.message, v.passes_done, v.units_repeated);
+    text += fmt::format("job {}: {} {}, {} passes, {} repeated\n", v.id, to_string(v.state), v.message, v.passes_done,
+                        v.units_repeated);
     const auto log = farm_->logs(v.id, 0);
     for (std::size_t i = log->size() > 12 ? log->size() - 12 : 0; i < log->size(); ++i) {
       text += fmt::format("  {} {} {}\n", (*log)[i].unix_ms / 1000, (*log)[i].source, (*log)[i].text);

@@ -26,15 +26,15 @@ inline constexpr double kStuck = 5000.0;
 struct Mischief {
   double drop = 0, repeat = 0, delay = 0, corrupt_chunk = 0;
   double kill_worker = 0, stop_worker = 0, kill_coordinator = 0, kill_engine = 0;
-  double lose_queue = 0;   ///< that an engine which was killed comes back without its tasks
-  double fill_disk = 0;    ///< no file can grow any more, for a while
+  double lose_queue = 0;  ///< that an engine which was killed comes back without its tasks
+  double fill_disk = 0;   ///< no file can grow any more, for a while
 };
 
 /// What a lying worker does with its sums.
 enum class Lie { kNone, kWrongHash, kOtherSums, kNanFigures, kOtherBuild };
 
-/// A farm in one thread with a clock of its own: the real coordinator and worker cores over an engine that loses, repeats, delays
-/// and reorders messages, with processes that die and come back. One seed, one schedule.
+/// A farm in one thread with a clock of its own: the real coordinator and worker cores over an engine that loses,
+/// repeats, delays and reorders messages, with processes that die and come back. One seed, one schedule.
 class World {
  public:
   World(std::uint64_t seed, Mischief mischief);
@@ -70,9 +70,9 @@ class World {
   struct FakeExecutor;
   struct Task {
     std::string bytes;
-    std::string holder;                   ///< empty: in the queue
+    std::string holder;  ///< empty: in the queue
     std::uint64_t holder_incarnation = 0;
-    double deadline = 0;                  ///< of the holder's next word
+    double deadline = 0;  ///< of the holder's next word
   };
 
   void at(double time, std::function<void()> action);

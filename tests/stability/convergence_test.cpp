@@ -63,7 +63,8 @@ JobSpec sppm_job(std::uint64_t seed, IntegratorType type = IntegratorType::kSppm
   spec.integrator.seed = seed;
   spec.integrator.alpha = 2.0 / 3.0;
   spec.integrator.max_depth = 0;
-  spec.ppm.eye_samples = 64;  // of PPM they never become more: what they miss of a pixel must be less than the photons' error
+  spec.ppm.eye_samples =
+      64;  // of PPM they never become more: what they miss of a pixel must be less than the photons' error
   spec.ppm.hit_points = 64;
   return spec;
 }
@@ -125,11 +126,12 @@ const Reference& peer_reference() {
 /// Variance falls as N^-alpha and squared bias as N^(-2(1-alpha)) [Knaus and Zwicker 2011, (17) and (18)]:
 /// both N^(-2/3) at alpha = 2/3. Over two decades the rate is not quite reached: the first discs hold few
 /// photons, and pixels at edges begin with a bias that falls later.
-void expect_the_rate(const Scene& scene, const Reference& reference, int seeds, IntegratorType type = IntegratorType::kSppm) {
+void expect_the_rate(const Scene& scene, const Reference& reference, int seeds,
+                     IntegratorType type = IntegratorType::kSppm) {
   // A pixel of PPM is the mean over its hit points: while their discs are smaller than the pixel, noise falls faster.
   const bool ppm = type == IntegratorType::kPpm;
-  const std::vector<std::uint64_t> stops = ppm ? std::vector<std::uint64_t>{4, 8, 16, 32, 64}
-                                               : std::vector<std::uint64_t>{4, 8, 16, 32, 64, 128, 256, 400};
+  const std::vector<std::uint64_t> stops =
+      ppm ? std::vector<std::uint64_t>{4, 8, 16, 32, 64} : std::vector<std::uint64_t>{4, 8, 16, 32, 64, 128, 256, 400};
   std::vector<double> slopes;
   std::vector<double> mean(stops.size());
   for (int seed = 0; seed < seeds; ++seed) {

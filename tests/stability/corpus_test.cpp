@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kImageEdge = 8;                ///< pixels
+constexpr int kImageEdge = 8;               ///< pixels
 constexpr std::int64_t kPassPhotons = 200;  ///< paths of a sub-pass
 constexpr int kNearest = 8, kGatherRays = 16;
 constexpr double kSlowSeconds = 3.0;  ///< a file that takes longer is printed
@@ -109,8 +109,7 @@ std::string fault_of_renders(const LoadedJob& loaded, std::span<const Integrator
     const Film film = render(*loaded.scene, spec, 2);
     const Faults& faults = film.sums().faults;
     const std::string name(to_string(type));
-    if (faults.not_finite > 0)
-      return name + ": " + std::to_string(faults.not_finite) + " contributions are not finite";
+    if (faults.not_finite > 0) return name + ": " + std::to_string(faults.not_finite) + " contributions are not finite";
     if (faults.overflow > 0) return name + ": " + std::to_string(faults.overflow) + " sums overflow";
     if (std::string fault = fault_of(film.image()); !fault.empty()) return name + ": " + fault;
   }
@@ -155,8 +154,8 @@ TEST_P(ValidScenes, RenderToFinitePixels) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Corpus, ValidScenes,
-                         testing::Values("analytic", "asset-generator", "caustics", "glass", "interior",
-                                         "loader", "pbr", "reference_mitsuba"),
+                         testing::Values("analytic", "asset-generator", "caustics", "glass", "interior", "loader",
+                                         "pbr", "reference_mitsuba"),
                          name_of_folder);
 
 /// Verdicts of the Khronos validator on its own corpus ("valid", "warn", "invalid") by path; other files are
@@ -190,8 +189,7 @@ TEST_P(BrokenScenes, GiveAnErrorOrAWarning) {
     if (!loaded) {
       EXPECT_NE(verdict, "valid") << loaded.error().message;
       EXPECT_EQ(loaded.error().kind, ErrorKind::kInvalidInput) << loaded.error().message;
-      EXPECT_NE(loaded.error().message.find(file.filename().string()), std::string::npos)
-          << loaded.error().message;
+      EXPECT_NE(loaded.error().message.find(file.filename().string()), std::string::npos) << loaded.error().message;
       continue;
     }
     if (verdict == "invalid") {
@@ -203,8 +201,8 @@ TEST_P(BrokenScenes, GiveAnErrorOrAWarning) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Corpus, BrokenScenes,
-                         testing::Values("asset-generator", "magnum-TinyGltfImporter", "tinygltf",
-                                         "validator/base", "validator/ext"),
+                         testing::Values("asset-generator", "magnum-TinyGltfImporter", "tinygltf", "validator/base",
+                                         "validator/ext"),
                          name_of_folder);
 
 /// A white floor and nothing else: all light is the environment's.
@@ -231,8 +229,7 @@ TEST(Corpus, EnvironmentMapsLightAFloor) {
       EXPECT_EQ(film.sums().faults.not_finite + film.sums().faults.overflow, 0u) << map;
       const std::vector<float>& beauty = image.layers.front().data;
       for (std::size_t i = 0; i < beauty.size(); i += 3) {
-        EXPECT_GT(beauty[i] + beauty[i + 1] + beauty[i + 2], 0.0f)
-            << map << " leaves pixel " << i / 3 << " black";
+        EXPECT_GT(beauty[i] + beauty[i + 1] + beauty[i + 2], 0.0f) << map << " leaves pixel " << i / 3 << " black";
       }
     }
   }

@@ -51,8 +51,9 @@ Judged judged(const Film& film) {
   return j;
 }
 
-/// How often the truth lies in the interval of [Hachisuka, Jarosz and Jensen 2010, (4)]: value less bias, plus and minus t
-/// standard deviations. Taking the bias off doubles the photons' standard deviation (the kernel is then 4 - 6 u).
+/// How often the truth lies in the interval of [Hachisuka, Jarosz and Jensen 2010, (4)]: value less bias, plus and
+/// minus t standard deviations. Taking the bias off doubles the photons' standard deviation (the kernel is then 4 - 6
+/// u).
 TEST(ErrorEstimate, IntervalsHoldTheTruthAsOftenAsTheySay) {
   const auto scene = diffuse_box().build();
   const std::vector<double> truth = reference(*scene);
@@ -93,8 +94,8 @@ SceneMaker patch_over_floor() {
   return maker;
 }
 
-/// With discs as wide as a third of the patch's height the error is bias: 9 % too dark in the middle. What is estimated must be what is
-/// there; the next order of the flux density, which no quadratic sees, is a few per cent of it.
+/// With discs as wide as a third of the patch's height the error is bias: 9 % too dark in the middle. What is estimated
+/// must be what is there; the next order of the flux density, which no quadratic sees, is a few per cent of it.
 TEST(ErrorEstimate, FindsTheBiasOfWideDiscs) {
   const auto scene = patch_over_floor().build();
   const std::vector<double> truth = reference(*scene);

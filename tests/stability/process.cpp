@@ -17,9 +17,7 @@
 namespace pf::test {
 namespace {
 
-[[noreturn]] void throw_errno(const char* what) {
-  throw std::system_error(errno, std::generic_category(), what);
-}
+[[noreturn]] void throw_errno(const char* what) { throw std::system_error(errno, std::generic_category(), what); }
 
 int milliseconds(double seconds) { return static_cast<int>(seconds * 1000.0); }
 
@@ -108,8 +106,7 @@ FolderWatch::~FolderWatch() { ::close(fd_); }
 bool FolderWatch::wait_for_any(const Process& process, double seconds) {
   if (begin_ == end_) {
     std::vector<::pollfd> sources{{fd_, POLLIN, 0}, {process.descriptor(), POLLIN, 0}};
-    if (::poll(sources.data(), sources.size(), milliseconds(seconds)) <= 0 || sources[0].revents == 0)
-      return false;
+    if (::poll(sources.data(), sources.size(), milliseconds(seconds)) <= 0 || sources[0].revents == 0) return false;
     const ssize_t got = ::read(fd_, buffer_.data(), buffer_.size());
     if (got <= 0) return false;
     begin_ = 0;

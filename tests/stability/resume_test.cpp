@@ -36,16 +36,12 @@ struct Outcome {
   std::string out, err;
   nlohmann::json json;
   [[nodiscard]] std::string hash() const { return json.is_object() ? json.value("image_hash", "") : ""; }
-  [[nodiscard]] std::uint64_t passes() const {
-    return json.is_object() ? json.value("passes", std::uint64_t{0}) : 0;
-  }
+  [[nodiscard]] std::uint64_t passes() const { return json.is_object() ? json.value("passes", std::uint64_t{0}) : 0; }
 };
 
 class Resume : public testing::Test {
  protected:
-  [[nodiscard]] static fs::path job(const std::string& name) {
-    return source_dir() / "jobs" / (name + ".toml");
-  }
+  [[nodiscard]] static fs::path job(const std::string& name) { return source_dir() / "jobs" / (name + ".toml"); }
   [[nodiscard]] fs::path out(const std::string& name) const { return folder_ / name; }
 
   /// A render of one of the example jobs, made small, and what each test adds to it.
@@ -53,14 +49,12 @@ class Resume : public testing::Test {
                                                    const std::vector<std::string>& more = {}) const {
     std::vector<std::string> all = {"render", job(job_name).string(), "--json", "--out", to.string()};
     for (const std::string& set :
-         {std::string("image.width=64"), std::string("image.height=64"),
-          std::string("integrator.photons=5000"), fmt::format("stop.passes={}", kPasses),
-          std::string("checkpoint.seconds=1000")}) {
+         {std::string("image.width=64"), std::string("image.height=64"), std::string("integrator.photons=5000"),
+          fmt::format("stop.passes={}", kPasses), std::string("checkpoint.seconds=1000")}) {
       all.insert(all.end(), {"--set", set});
     }
     all.insert(all.end(), more.begin(), more.end());
-    if (std::find(more.begin(), more.end(), "--threads") == more.end())
-      all.insert(all.end(), {"--threads", "2"});
+    if (std::find(more.begin(), more.end(), "--threads") == more.end()) all.insert(all.end(), {"--threads", "2"});
     return all;
   }
 
@@ -102,14 +96,11 @@ std::vector<std::string> operator+(std::vector<std::string> a, const std::vector
   return a;
 }
 
-std::vector<std::string> passes(std::uint64_t count) {
-  return {"--set", fmt::format("stop.passes={}", count)};
-}
+std::vector<std::string> passes(std::uint64_t count) { return {"--set", fmt::format("stop.passes={}", count)}; }
 
 TEST_F(Resume, OneHashWhateverTheThreads) {
   const auto expect_one_hash = [&](const std::string& job_name, const std::vector<std::string>& more) {
-    const std::string one =
-        render(job_name, out("a"), more + std::vector<std::string>{"--threads", "1"}).hash();
+    const std::string one = render(job_name, out("a"), more + std::vector<std::string>{"--threads", "1"}).hash();
     for (const char* threads : {"2", "5"}) {
       EXPECT_EQ(render(job_name, out("a"), more + std::vector<std::string>{"--threads", threads}).hash(), one)
           << job_name << ", threads " << threads;
@@ -120,8 +111,7 @@ TEST_F(Resume, OneHashWhateverTheThreads) {
 }
 
 TEST_F(Resume, OtherSeedsGiveOtherImages) {
-  EXPECT_NE(render("peer-box", out("a")).hash(),
-            render("peer-box", out("a"), {"--set", "integrator.seed=2"}).hash());
+  EXPECT_NE(render("peer-box", out("a")).hash(), render("peer-box", out("a"), {"--set", "integrator.seed=2"}).hash());
 }
 
 TEST_F(Resume, KilledAtAnyMomentItGoesOnToTheSameBits) {
@@ -139,8 +129,7 @@ TEST_F(Resume, KilledAtAnyMomentItGoesOnToTheSameBits) {
         // The last life is left alone; those before end at the n-th file made or put in place.
         FolderWatch watch(to);
         Process process(worker_program(),
-                        arguments("peer-box", to, resume ? all + std::vector<std::string>{"--resume"} : all),
-                        folder_);
+                        arguments("peer-box", to, resume ? all + std::vector<std::string>{"--resume"} : all), folder_);
         if (life < 4) {
           const int events = std::uniform_int_distribution<int>(1, 7)(random);
           for (int e = 0; e < events && process.running(); ++e) {
@@ -165,8 +154,7 @@ TEST_F(Resume, InterruptedItLeavesACheckpointThatGoesOnToTheSameBits) {
     const fs::path to = out(fmt::format("interrupted{}", signal));
     FolderWatch watch(folder_);
     Process process(worker_program(), arguments("peer-box", to, passes(1000000)), folder_);
-    while (!fs::exists(to))
-      ASSERT_TRUE(watch.wait_for_any(process, kDeadline)) << bytes_of(process.stderr_file());
+    while (!fs::exists(to)) ASSERT_TRUE(watch.wait_for_any(process, kDeadline)) << bytes_of(process.stderr_file());
     process.signal(signal);
     const Outcome stopped = finish(process);
     EXPECT_EQ(stopped.end, ProcessEnd::exited(130)) << stopped.err;
@@ -192,8 +180,7 @@ TEST_F(Resume, AnExtendedJobEqualsOneLongRun) {
     const Outcome whole = render("peer-box", out("whole"), mode + passes(17));
     // 5 and 8 lie inside rounds, which stay open.
     render("peer-box", out("extended"), mode + passes(5));
-    render("peer-box", out("extended"),
-           mode + passes(8) + std::vector<std::string>{"--resume", "--threads", "1"});
+    render("peer-box", out("extended"), mode + passes(8) + std::vector<std::string>{"--resume", "--threads", "1"});
     const Outcome extended =
         render("peer-box", out("extended"), mode + passes(17) + std::vector<std::string>{"--resume"});
     EXPECT_EQ(extended.hash(), whole.hash()) << mode.back();
@@ -204,18 +191,15 @@ TEST_F(Resume, AnExtendedJobEqualsOneLongRun) {
 
 TEST_F(Resume, AStopByTimeFallsOnABorder) {
   for (const auto& mode : kModes) {
-    const Outcome timed =
-        render("peer-box", out("timed"),
-               mode + std::vector<std::string>{"--set", "stop.passes=0", "--set", "stop.seconds=1"});
+    const Outcome timed = render("peer-box", out("timed"),
+                                 mode + std::vector<std::string>{"--set", "stop.passes=0", "--set", "stop.seconds=1"});
     ASSERT_GT(timed.passes(), 0u);
-    EXPECT_EQ(render("peer-box", out("counted"), mode + passes(timed.passes())).hash(), timed.hash())
-        << mode.back();
+    EXPECT_EQ(render("peer-box", out("counted"), mode + passes(timed.passes())).hash(), timed.hash()) << mode.back();
   }
 }
 
 TEST_F(Resume, AStopByErrorFallsOnABorder) {
-  const Outcome stopped =
-      render("peer-box", out("error"), {"--set", "stop.passes=10000", "--set", "stop.error=0.3"});
+  const Outcome stopped = render("peer-box", out("error"), {"--set", "stop.passes=10000", "--set", "stop.error=0.3"});
   ASSERT_LT(stopped.passes(), 10000u);
   EXPECT_LE(stopped.json["estimated_error"].get<double>(), 0.3);
   EXPECT_EQ(render("peer-box", out("counted"), passes(stopped.passes())).hash(), stopped.hash());
@@ -223,8 +207,7 @@ TEST_F(Resume, AStopByErrorFallsOnABorder) {
 
 TEST_F(Resume, ACheckpointOfAnotherJobIsRefused) {
   render("peer-box", out("a"), passes(2));
-  const std::vector<std::vector<std::string>> others = {{"--set", "integrator.seed=2"},
-                                                        {"--set", "image.width=32"}};
+  const std::vector<std::vector<std::string>> others = {{"--set", "integrator.seed=2"}, {"--set", "image.width=32"}};
   for (const auto& other : others) {
     const Outcome r = run(arguments("peer-box", out("a"), other + std::vector<std::string>{"--resume"}));
     EXPECT_EQ(r.end, ProcessEnd::exited(3)) << r.err;
@@ -263,8 +246,7 @@ using ExitCodes = Resume;
 
 /// A job file in the test's own folder.
 void write_job(const fs::path& file, const std::string& scene, const std::string& more = "") {
-  std::ofstream(file) << "spec_version = 1\n[job]\nname = \"test\"\n[scene]\nfile = \"" << scene << "\"\n"
-                      << more;
+  std::ofstream(file) << "spec_version = 1\n[job]\nname = \"test\"\n[scene]\nfile = \"" << scene << "\"\n" << more;
 }
 
 TEST_F(ExitCodes, BadJobsAreTwo) {
@@ -319,23 +301,20 @@ TEST_F(ExitCodes, JsonIsOneDocumentAndStandsBesideTheImage) {
 TEST_F(ExitCodes, AFullDiskIsFiveAndLeavesTheOldFiles) {
   const fs::path to = out("a");
   render("peer-box", to, passes(2));
-  const std::vector<std::string> names = {"peer-box.exr", "peer-box.png", "peer-box.json",
-                                          "peer-box.checkpoint"};
+  const std::vector<std::string> names = {"peer-box.exr", "peer-box.png", "peer-box.json", "peer-box.checkpoint"};
   std::vector<std::string> old;
   for (const std::string& name : names) old.push_back(bytes_of(to / name));
   // The limit lets ever more files through before one does not fit.
   for (const std::string first : {"peer-box.exr", "peer-box.checkpoint"}) {
     const auto limit = static_cast<std::uint64_t>(fs::file_size(to / first)) / 2;
     const Outcome r =
-        run(arguments("peer-box", to, passes(3) + std::vector<std::string>{"--set", "checkpoint.seconds=0"}),
-            limit);
+        run(arguments("peer-box", to, passes(3) + std::vector<std::string>{"--set", "checkpoint.seconds=0"}), limit);
     EXPECT_EQ(r.end, ProcessEnd::exited(5)) << r.err;
     EXPECT_TRUE(r.out.empty()) << r.out;
     EXPECT_NE(r.err.find("File too large"), std::string::npos) << r.err;
     EXPECT_NE(r.err.find(to.string()), std::string::npos) << r.err;
   }
-  for (std::size_t i = 0; i < names.size(); ++i)
-    EXPECT_EQ(bytes_of(to / names[i]) == old[i], true) << names[i];
+  for (std::size_t i = 0; i < names.size(); ++i) EXPECT_EQ(bytes_of(to / names[i]) == old[i], true) << names[i];
   std::size_t files = 0;
   for (const auto& entry : fs::directory_iterator(to)) {
     ++files;

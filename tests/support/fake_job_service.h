@@ -46,7 +46,8 @@ class FakeJobService final : public JobService {
       if (!filter.before.empty() && id >= filter.before) continue;
       all.jobs.push_back(job);
     }
-    if (all.jobs.size() > filter.limit) all.jobs.erase(all.jobs.begin(), all.jobs.end() - static_cast<long>(filter.limit));
+    if (all.jobs.size() > filter.limit)
+      all.jobs.erase(all.jobs.begin(), all.jobs.end() - static_cast<long>(filter.limit));
     return all;
   }
   Result<JobView> show(const std::string& id) override {
@@ -60,7 +61,8 @@ class FakeJobService final : public JobService {
     const JobStep step = job_step(job->state, verb);
     if (step.kind == JobStep::Kind::kRefused) return fail(ErrorKind::kUnavailable, why_refused(job->state, verb));
     // What the farm does at once by itself is done here too.
-    if (step.kind == JobStep::Kind::kMoves) jobs_[id].state = step.to == JobState::kFinishing ? JobState::kCancelled : step.to;
+    if (step.kind == JobStep::Kind::kMoves)
+      jobs_[id].state = step.to == JobState::kFinishing ? JobState::kCancelled : step.to;
     jobs_[id].paused_by = jobs_[id].state == JobState::kPaused ? by : "";
     acts.push_back(std::string(to_string(verb)) + " " + id + " by " + by);
     changed();
@@ -198,8 +200,8 @@ class FakeJobService final : public JobService {
   std::string preview;
   std::vector<UnitView> all_units;
   std::vector<ConvergencePoint> points;
-  PilotRender pilot;                    ///< of every job
-  std::vector<std::string> acts;  ///< verbs that were asked for, of whom, by whom
+  PilotRender pilot;                  ///< of every job
+  std::vector<std::string> acts;      ///< verbs that were asked for, of whom, by whom
   std::optional<LayeredImage> image;  ///< of running jobs
   int pixels_made = 0;
   WorkerView worker{"host-a-1", "host-a", 4711, "tracing", "", "glass-1a2b", 2, 1000, 7, 0.5};

@@ -14,8 +14,8 @@ inline const nlohmann::json& resolve(const nlohmann::json& document, const nlohm
 
 /// Where a value is not what a schema of an OpenAPI document asks for, by what our document uses of JSON
 /// Schema for answers; empty: it fits.
-inline std::string misfit(const nlohmann::json& document, const nlohmann::json& value,
-                          const nlohmann::json& given, const std::string& place) {
+inline std::string misfit(const nlohmann::json& document, const nlohmann::json& value, const nlohmann::json& given,
+                          const std::string& place) {
   using nlohmann::json;
   const json& schema = resolve(document, given);
   if (schema.contains("anyOf")) {
@@ -50,8 +50,7 @@ inline std::string misfit(const nlohmann::json& document, const nlohmann::json& 
   }
   if (!value.is_object()) return {};
   for (const json& name : schema.value("required", json::array())) {
-    if (!value.contains(name.get<std::string>()))
-      return place + "." + name.get<std::string>() + " is missing";
+    if (!value.contains(name.get<std::string>())) return place + "." + name.get<std::string>() + " is missing";
   }
   for (const auto& [name, member] : value.items()) {
     if (!schema.contains("properties") || !schema.at("properties").contains(name)) {
@@ -59,8 +58,7 @@ inline std::string misfit(const nlohmann::json& document, const nlohmann::json& 
         return place + "." + name + " is not in the document";
       continue;
     }
-    if (auto wrong = misfit(document, member, schema.at("properties").at(name), place + "." + name);
-        !wrong.empty())
+    if (auto wrong = misfit(document, member, schema.at("properties").at(name), place + "." + name); !wrong.empty())
       return wrong;
   }
   return {};

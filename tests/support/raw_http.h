@@ -78,8 +78,7 @@ inline RawReply parse_reply(const std::string& text) {
   for (std::size_t at = text.find("\r\n") + 2; at < head_end;) {
     const std::size_t end = text.find("\r\n", at), colon = text.find(": ", at);
     std::string name = text.substr(at, colon - at);
-    std::ranges::transform(name, name.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     reply.headers[name] = text.substr(colon + 2, end - colon - 2);
     at = end + 2;
   }

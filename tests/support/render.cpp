@@ -34,15 +34,13 @@ std::vector<Rgb> layer_of(const Film& film, std::string_view layer) {
   std::vector<Rgb> pixels;
   for (const Layer& l : image.layers) {
     if (l.name != layer) continue;
-    for (std::size_t i = 0; i + 2 < l.data.size(); i += 3)
-      pixels.emplace_back(l.data[i], l.data[i + 1], l.data[i + 2]);
+    for (std::size_t i = 0; i + 2 < l.data.size(); i += 3) pixels.emplace_back(l.data[i], l.data[i + 1], l.data[i + 2]);
   }
   EXPECT_FALSE(pixels.empty()) << "no layer " << layer;
   return pixels;
 }
 
-Renders::Renders(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes, int runs,
-                 std::string_view layer)
+Renders::Renders(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes, int runs, std::string_view layer)
     : width_(spec.image.width), height_(spec.image.height) {
   for (int run = 0; run < runs; ++run) {
     JobSpec seeded = spec;
@@ -78,8 +76,8 @@ std::vector<Estimate> Renders::blocks(int columns, int rows) const {
     std::vector<double> sums(cells), counts(cells);
     for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x) {
-        const Rgb& pixel = image[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-                                 static_cast<std::size_t>(x)];
+        const Rgb& pixel =
+            image[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x)];
         const auto cell = static_cast<std::size_t>(y * rows / height_) * static_cast<std::size_t>(columns) +
                           static_cast<std::size_t>(x * columns / width_);
         sums[cell] += (double{pixel.x} + double{pixel.y} + double{pixel.z}) / 3.0;

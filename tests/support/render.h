@@ -27,8 +27,7 @@ namespace pf::test {
 /// The same picture by several seeds: what confidence intervals come from. Fails the test on faults.
 class Renders {
  public:
-  Renders(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes, int runs,
-          std::string_view layer = "");
+  Renders(const Scene& scene, const JobSpec& spec, std::uint64_t sub_passes, int runs, std::string_view layer = "");
 
   /// Mean over channels of the mean over the image.
   [[nodiscard]] Estimate mean() const;

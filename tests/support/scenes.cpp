@@ -123,8 +123,8 @@ void SceneMaker::camera(const Vec3f& eye, const Vec3f& target, float yfov) {
   const Vec3f upwards = std::abs(back.y) > 0.99f ? Vec3f{0, 0, -1} : Vec3f{0, 1, 0};
   const Vec3f right = normalize(cross(upwards, back));
   const Vec3f up = cross(back, right);
-  c.camera_to_world = Matrix44f(right.x, right.y, right.z, 0, up.x, up.y, up.z, 0, back.x, back.y, back.z, 0,
-                                eye.x, eye.y, eye.z, 1);
+  c.camera_to_world =
+      Matrix44f(right.x, right.y, right.z, 0, up.x, up.y, up.z, 0, back.x, back.y, back.z, 0, eye.x, eye.y, eye.z, 1);
   description.cameras.push_back(c);
 }
 
@@ -146,8 +146,7 @@ std::vector<Vec3f> SceneMaker::disc(const Vec3f& centre, const Vec3f& normal, fl
   return corners;
 }
 
-void SceneMaker::orthographic_camera(const Vec3f& eye, const Vec3f& target, float half_width,
-                                     float half_height) {
+void SceneMaker::orthographic_camera(const Vec3f& eye, const Vec3f& target, float half_width, float half_height) {
   camera(eye, target, 1.0f);
   Camera& c = description.cameras.back();
   c.orthographic = true;

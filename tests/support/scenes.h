@@ -60,7 +60,8 @@ class SceneMaker {
 
 /// A furnace seen into a corner: walls of radiance 1 and albedo 1/2, which look 2 everywhere.
 [[nodiscard]] SceneMaker furnace_box();
-/// A room of grey walls and a point light, seen straight into a corner: the edge between two walls is the picture's middle column.
+/// A room of grey walls and a point light, seen straight into a corner: the edge between two walls is the picture's
+/// middle column.
 [[nodiscard]] SceneMaker corner_room();
 
 /// A job of the given size with defaults otherwise.

@@ -26,8 +26,8 @@ testing::AssertionResult verdict(const Deviation& worst, double threshold) {
   if (worst.p >= threshold) return testing::AssertionSuccess();
   return testing::AssertionFailure() << "element " << worst.index << ": measured " << worst.measured << " +- "
                                      << worst.error << ", expected " << worst.expected << " (ratio "
-                                     << worst.measured / worst.expected << "); p = " << worst.p
-                                     << " is below " << threshold;
+                                     << worst.measured / worst.expected << "); p = " << worst.p << " is below "
+                                     << threshold;
 }
 
 }  // namespace
@@ -53,8 +53,7 @@ double student_p(double t, int dof) {
     term *= c * c * (k - 1) / k;
     sum += term;
   }
-  const double inside =
-      odd ? 2.0 / std::numbers::pi * (theta + std::sin(theta) * sum) : std::sin(theta) * sum;
+  const double inside = odd ? 2.0 / std::numbers::pi * (theta + std::sin(theta) * sum) : std::sin(theta) * sum;
   return std::max(0.0, 1.0 - inside);
 }
 
@@ -63,8 +62,8 @@ double sidak(double significance, std::size_t count) {
 }
 
 testing::AssertionResult agrees(const Estimate& measured, double expected, double bias) {
-  const double p = p_value(measured.mean - expected, bias + kRounding * std::abs(expected), measured.error,
-                           measured.runs - 1);
+  const double p =
+      p_value(measured.mean - expected, bias + kRounding * std::abs(expected), measured.error, measured.runs - 1);
   return verdict({p, measured.mean, expected, measured.error, 0}, kSignificance);
 }
 
@@ -74,15 +73,15 @@ testing::AssertionResult all_agree(std::span<const Estimate> measured, std::span
   Deviation worst;
   for (std::size_t i = 0; i < measured.size(); ++i) {
     const Estimate& m = measured[i];
-    const double p = p_value(m.mean - expected[i], (relative_bias + kRounding) * std::abs(expected[i]),
-                             m.error, m.runs - 1);
+    const double p =
+        p_value(m.mean - expected[i], (relative_bias + kRounding) * std::abs(expected[i]), m.error, m.runs - 1);
     if (p < worst.p) worst = {p, m.mean, expected[i], m.error, i};
   }
   return verdict(worst, sidak(kSignificance, measured.size()));
 }
 
-testing::AssertionResult all_agree(std::span<const Estimate> a, std::span<const Estimate> b,
-                                   double relative_bias, double absolute_bias) {
+testing::AssertionResult all_agree(std::span<const Estimate> a, std::span<const Estimate> b, double relative_bias,
+                                   double absolute_bias) {
   if (a.size() != b.size()) return testing::AssertionFailure() << "sizes differ";
   Deviation worst;
   for (std::size_t i = 0; i < a.size(); ++i) {

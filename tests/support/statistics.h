@@ -34,8 +34,7 @@ inline constexpr double kRounding = 2e-5;
 [[nodiscard]] testing::AssertionResult agrees(const Estimate& measured, double expected, double bias = 0.0);
 /// The same for every element, with Sidak's correction for their number. `relative_bias` is a part of each
 /// expected value.
-[[nodiscard]] testing::AssertionResult all_agree(std::span<const Estimate> measured,
-                                                 std::span<const double> expected,
+[[nodiscard]] testing::AssertionResult all_agree(std::span<const Estimate> measured, std::span<const double> expected,
                                                  double relative_bias = 0.0);
 /// Welch's t-test of two estimates of the same thing, element by element, corrected likewise. The bias
 /// allowed is `relative_bias` times the second mean plus `absolute_bias`.

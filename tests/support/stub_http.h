@@ -78,8 +78,7 @@ class StubServer {
       whole = head + 4 + (length < head ? std::stoul(text.substr(length + 16)) : 0);
     }
     const std::size_t head = text.find("\r\n\r\n"), space = text.find(' ');
-    const StubRequest request{text.substr(0, space),
-                              text.substr(space + 1, text.find(' ', space + 1) - space - 1),
+    const StubRequest request{text.substr(0, space), text.substr(space + 1, text.find(' ', space + 1) - space - 1),
                               text.substr(0, head), text.substr(head + 4)};
     {
       const std::lock_guard lock(mutex_);

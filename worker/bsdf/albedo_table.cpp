@@ -22,8 +22,7 @@ Split integrate_ggx(float cosine, float alpha) {
   double f0 = 0.0, f90 = 0.0;
   for (int i = 0; i < kRadii; ++i) {
     for (int j = 0; j < kAngles; ++j) {
-      const Vec2f u((static_cast<float>(i) + 0.5f) / kRadii,
-                    -0.25f + 0.5f * (static_cast<float>(j) + 0.5f) / kAngles);
+      const Vec2f u((static_cast<float>(i) + 0.5f) / kRadii, -0.25f + 0.5f * (static_cast<float>(j) + 0.5f) / kAngles);
       const Vec3f h = ggx.sample(wo, u);
       const float c = dot(wo, h);
       const Vec3f wi = h * (2.0f * c) - wo;
@@ -136,8 +135,7 @@ float AlbedoTable::at(float cosine, float roughness) const {
   const Cell r = locate(roughness, kRoughnesses);
   const auto& low = rows_[r.node];
   const auto& high = rows_[r.node + 1];
-  return mix(mix(low[c.node], low[c.node + 1], c.weight), mix(high[c.node], high[c.node + 1], c.weight),
-             r.weight);
+  return mix(mix(low[c.node], low[c.node + 1], c.weight), mix(high[c.node], high[c.node + 1], c.weight), r.weight);
 }
 
 float AlbedoTable::mean(float roughness) const {

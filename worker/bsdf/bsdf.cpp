@@ -129,8 +129,8 @@ BsdfValue Bsdf::evaluate_coat(const Vec3f& wi, float wi_ns, Transport mode) cons
   if (local.z <= 0.0f || !(len2 > 0.0f)) return {};
   const Ggx ggx{c.alpha};
   const Vec3f h = sum * (1.0f / std::sqrt(len2));
-  const float f = c.weight * c.reflectance(dot(c.wo, h)) * ggx.distribution(h) *
-                  ggx.visibility(c.wo.z, local.z) * cosine_ratio(c.wo.z, local.z, wi_ns, mode);
+  const float f = c.weight * c.reflectance(dot(c.wo, h)) * ggx.distribution(h) * ggx.visibility(c.wo.z, local.z) *
+                  cosine_ratio(c.wo.z, local.z, wi_ns, mode);
   return {Rgb(f), 0.25f * ggx.visible_density(c.wo.z, h)};
 }
 
@@ -211,8 +211,8 @@ std::optional<BsdfSample> Bsdf::sample_lambert(const Vec2f& u, Transport mode) c
   return s;
 }
 
-std::optional<BsdfSample> Bsdf::sample_interface(float u_choice, const Vec2f& u, Transport mode,
-                                                 Portion portion, float probability) const {
+std::optional<BsdfSample> Bsdf::sample_interface(float u_choice, const Vec2f& u, Transport mode, Portion portion,
+                                                 float probability) const {
   const Interface& i = layers_.interface;
   const std::optional<Interface::Sample> drawn = i.sample(layers_.mirror_wo, u_choice, u);
   if (!drawn) return std::nullopt;
@@ -249,8 +249,8 @@ std::optional<BsdfSample> Bsdf::finish(const Vec3f& wi, bool transmitted, Lobe l
   s.wi = wi;
   s.pdf_w = value.pdf;
   // [Veach 1997, section 5.3] replaces |wi.ns| by |wo.ns| |wi.ng| / |wo.ng| where flux is carried.
-  const float cosine = mode == Transport::kRadiance ? std::abs(dot(wi, shading_.n))
-                                                    : layers_.wo.z * std::abs(wi_ng) / dot(wo_, ng_);
+  const float cosine =
+      mode == Transport::kRadiance ? std::abs(dot(wi, shading_.n)) : layers_.wo.z * std::abs(wi_ng) / dot(wo_, ng_);
   s.weight = value.f * (cosine / value.pdf);
   s.transmitted = transmitted;
   s.refracted = transmitted && !layers_.thin;
@@ -258,8 +258,8 @@ std::optional<BsdfSample> Bsdf::finish(const Vec3f& wi, bool transmitted, Lobe l
   return is_finite(s.weight) ? std::optional(s) : std::nullopt;
 }
 
-std::optional<BsdfSample> Bsdf::finish_delta(const Vec3f& wi, const Rgb& weight, bool transmitted,
-                                             const Vec3f& normal, Transport mode) const {
+std::optional<BsdfSample> Bsdf::finish_delta(const Vec3f& wi, const Rgb& weight, bool transmitted, const Vec3f& normal,
+                                             Transport mode) const {
   return delta_sample({wi, weight, transmitted, layers_.thin}, {wo_, ng_, normal}, mode == Transport::kFlux);
 }
 

@@ -41,14 +41,14 @@ struct SurfaceParams {
   bool scatters = true;  ///< false for unlit: the BSDF is zero
 };
 
-/// Albedo of a surface that is one Lambert reflector whatever medium is around it, and empty for any other. Photons meet such
-/// a surface as LambertLanes.
+/// Albedo of a surface that is one Lambert reflector whatever medium is around it, and empty for any other. Photons
+/// meet such a surface as LambertLanes.
 [[nodiscard]] std::optional<Rgb> plain_lambert_albedo(const SurfaceParams& p);
 
 struct BsdfSample {
-  Vec3f wi;         ///< unit, away from the surface
-  Rgb weight;       ///< f |cos(ns, wi)| / pdf_w; for Transport::kFlux with Veach's shading-normal correction
-  float pdf_w = 0;  ///< per steradian, lobe choice included; 0 for a delta lobe
+  Vec3f wi;                  ///< unit, away from the surface
+  Rgb weight;                ///< f |cos(ns, wi)| / pdf_w; for Transport::kFlux with Veach's shading-normal correction
+  float pdf_w = 0;           ///< per steradian, lobe choice included; 0 for a delta lobe
   bool delta = false;        ///< a Dirac lobe was sampled
   bool transmitted = false;  ///< wi lies on the other side (of ng) than wo
   bool refracted = false;    ///< transmitted into or out of a medium (not thin-walled): its stack changes
@@ -93,20 +93,18 @@ class Bsdf {
   /// kRadiance gives (eta_i/eta_t)^2 times that. The shading-normal correction is in neither: it belongs to
   /// the cosines, and is part of sample().weight alone. f(wo, wi, kRadiance) = f(wi, wo, kFlux) wherever
   /// neither direction turns the shading normal.
-  [[nodiscard]] Rgb eval(const Vec3f& wo, const Vec3f& wi, Transport mode,
-                         Portion portion = Portion::kAll) const;
+  [[nodiscard]] Rgb eval(const Vec3f& wo, const Vec3f& wi, Transport mode, Portion portion = Portion::kAll) const;
   /// Density per steradian with which sample() of the same portion returns the non-delta direction wi.
-  [[nodiscard]] float pdf(const Vec3f& wo, const Vec3f& wi, Transport mode,
-                          Portion portion = Portion::kAll) const;
+  [[nodiscard]] float pdf(const Vec3f& wo, const Vec3f& wi, Transport mode, Portion portion = Portion::kAll) const;
   /// Draws a direction. `u_lobe` chooses the lobe by intervals in a fixed order and then, in the rest of its
   /// interval, reflection or transmission. Empty when absorbed or when the sample failed (below the surface).
-  [[nodiscard]] std::optional<BsdfSample> sample(const Vec3f& wo, float u_lobe, const Vec2f& u,
-                                                 Transport mode, Portion portion = Portion::kAll) const;
+  [[nodiscard]] std::optional<BsdfSample> sample(const Vec3f& wo, float u_lobe, const Vec2f& u, Transport mode,
+                                                 Portion portion = Portion::kAll) const;
   /// Approximate directional-hemispherical albedo of a portion, seen from wo (delta lobes included), in
   /// [0,1]; for choosing, never for shading.
   [[nodiscard]] Rgb albedo(Portion portion) const;
-  /// For a smooth boundary that both reflects and transmits and has no other lobe to follow: the part of u_lobe's interval,
-  /// from 0 on, in which sample() reflects. A path may then be split in two with these weights. Otherwise 0.
+  /// For a smooth boundary that both reflects and transmits and has no other lobe to follow: the part of u_lobe's
+  /// interval, from 0 on, in which sample() reflects. A path may then be split in two with these weights. Otherwise 0.
   [[nodiscard]] float split_probability() const;
   /// Share g of a GGX lobe of width `alpha` that is gathered from photons instead of followed: smoothstep in
   /// perceptual roughness sqrt(alpha), 0 up to alpha = 0.01 and 1 from alpha = 0.5. A density estimate of a

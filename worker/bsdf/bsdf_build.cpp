@@ -32,7 +32,8 @@ bool indices_equal(float eta) { return std::abs(eta - 1.0f) < kEqualIndices; }
 
 /// No metal, no transmission, no coat, no sheen.
 bool is_bare(const SurfaceParams& p) {
-  return !(p.metallic > 0.0f) && !(p.transmission > 0.0f) && !(p.clearcoat > 0.0f) && !(max_component(p.sheen_color) > 0.0f);
+  return !(p.metallic > 0.0f) && !(p.transmission > 0.0f) && !(p.clearcoat > 0.0f) &&
+         !(max_component(p.sheen_color) > 0.0f);
 }
 
 /// Only Lambert: bare, and nothing that reflects specularly.
@@ -91,7 +92,8 @@ std::optional<SmoothMaterial> SmoothMaterial::of(const SurfaceParams& p) {
   return SmoothMaterial(p);
 }
 
-SmoothMaterial::SmoothMaterial(const SurfaceParams& p) : params_(p), front_(make(1.0f, true)), back_(make(1.0f, false)) {}
+SmoothMaterial::SmoothMaterial(const SurfaceParams& p)
+    : params_(p), front_(make(1.0f, true)), back_(make(1.0f, false)) {}
 
 std::optional<Interface> SmoothMaterial::make(float eta_outside, bool front) const {
   const Base base(params_, eta_outside);

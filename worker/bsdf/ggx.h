@@ -39,8 +39,7 @@ struct Ggx {
   [[nodiscard]] Vec3f sample(const Vec3f& wo, const Vec2f& u) const {
     const Vec3f v = normalize(Vec3f(alpha * wo.x, alpha * wo.y, wo.z));
     const float len2 = v.x * v.x + v.y * v.y;
-    const Vec3f t1 =
-        len2 > 0.0f ? Vec3f(-v.y, v.x, 0.0f) * (1.0f / std::sqrt(len2)) : Vec3f(1.0f, 0.0f, 0.0f);
+    const Vec3f t1 = len2 > 0.0f ? Vec3f(-v.y, v.x, 0.0f) * (1.0f / std::sqrt(len2)) : Vec3f(1.0f, 0.0f, 0.0f);
     const Vec3f t2 = cross(v, t1);
     const float r = std::sqrt(u.x);
     const float phi = 2.0f * kPi * u.y;

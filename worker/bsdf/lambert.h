@@ -17,8 +17,8 @@ struct LambertSample {
 };
 
 /// `ng` and `shading.n` on the side of `wo`. With `flux`, Veach's correction for the shading normal is in the weight.
-[[nodiscard]] inline LambertSample sample_lambert(const Frame& shading, const Vec3f& ng, const Vec3f& wo, const Rgb& albedo,
-                                                  const Vec2f& u, bool flux) {
+[[nodiscard]] inline LambertSample sample_lambert(const Frame& shading, const Vec3f& ng, const Vec3f& wo,
+                                                  const Rgb& albedo, const Vec2f& u, bool flux) {
   const Vec3f local = sample_cosine_hemisphere(u);
   LambertSample s{shading.to_world(local), local.z * kInvPi, albedo, true};
   const float wi_ng = dot(s.wi, ng);

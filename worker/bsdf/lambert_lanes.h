@@ -17,8 +17,9 @@ namespace pf {
   return select(as_it_is | ~(dot(visible, wo) > 0.0f), ng, visible);
 }
 
-/// Eight points of surfaces that are one Lambert reflector whatever is around them (plain_lambert_albedo() in bsdf.h), as photons
-/// meet them: what Bsdf gives, to the bit, without what only other surfaces need. Normals are unit and on the mesh's front side.
+/// Eight points of surfaces that are one Lambert reflector whatever is around them (plain_lambert_albedo() in bsdf.h),
+/// as photons meet them: what Bsdf gives, to the bit, without what only other surfaces need. Normals are unit and on
+/// the mesh's front side.
 class LambertLanes {
  public:
   struct Sample {

@@ -24,8 +24,7 @@ struct DeltaPoint {
 };
 /// Empty where `wi` lies on the wrong side of the geometric surface: only with a tilted shading normal. With
 /// `flux`, Veach's correction for it is in the weight [Veach 1997, 5.3].
-[[nodiscard]] inline std::optional<BsdfSample> delta_sample(const DeltaDirection& d, const DeltaPoint& at,
-                                                            bool flux) {
+[[nodiscard]] inline std::optional<BsdfSample> delta_sample(const DeltaDirection& d, const DeltaPoint& at, bool flux) {
   const float wi_ng = dot(d.wi, at.ng);
   if (!(d.transmitted ? wi_ng < 0.0f : wi_ng > 0.0f)) return std::nullopt;
   BsdfSample s;
@@ -36,8 +35,8 @@ struct DeltaPoint {
   s.refracted = d.transmitted && !d.thin;
   s.specularity = 1.0f;
   if (flux && at.normal != at.ng) {
-    s.weight *= dot(at.wo, at.normal) * std::abs(wi_ng) /
-                (dot(at.wo, at.ng) * std::max(std::abs(dot(d.wi, at.normal)), 1e-9f));
+    s.weight *=
+        dot(at.wo, at.normal) * std::abs(wi_ng) / (dot(at.wo, at.ng) * std::max(std::abs(dot(d.wi, at.normal)), 1e-9f));
   }
   return s;
 }
@@ -51,8 +50,7 @@ class SmoothMaterial {
 
   /// The boundary as met from the front or from the back; `room` is used where it has to be made. Null where
   /// it lets light go straight on into a medium of equal index: that is left to Bsdf.
-  [[nodiscard]] const Interface* boundary(float eta_outside, bool front,
-                                          std::optional<Interface>& room) const {
+  [[nodiscard]] const Interface* boundary(float eta_outside, bool front, std::optional<Interface>& room) const {
     const std::optional<Interface>& in_air = front ? front_ : back_;
     if (eta_outside != 1.0f) room = make(eta_outside, front);
     const std::optional<Interface>& met = eta_outside == 1.0f ? in_air : room;

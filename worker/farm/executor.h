@@ -16,11 +16,11 @@ namespace pf {
 struct Work {
   enum class Kind { kPrepare, kTrace };
   Kind kind = Kind::kTrace;
-  std::string bundle;                 ///< SHA-256 of the bundle: names the scene
-  JobSpec spec;                       ///< its folder holds the bundle's files
+  std::string bundle;  ///< SHA-256 of the bundle: names the scene
+  JobSpec spec;        ///< its folder holds the bundle's files
   std::uint64_t first_sub_pass = 0, sub_passes = 0;
   std::shared_ptr<const std::vector<ProgressivePixel>> state;
-  std::shared_ptr<Statistics> sums;   ///< to add to; nobody else touches them until the work is done
+  std::shared_ptr<Statistics> sums;  ///< to add to; nobody else touches them until the work is done
 };
 
 /// What a PREPARE finds out.
@@ -33,7 +33,7 @@ struct PreparedScene {
 
 struct WorkDone {
   Result<void> status;
-  double seconds = 0;                 ///< of tracing or preparing, loading apart
+  double seconds = 0;  ///< of tracing or preparing, loading apart
   std::unique_ptr<PreparedScene> prepared;
 };
 

@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kFetchSeconds = 5.0;
 constexpr double kHeartbeatSeconds = 2.0;
-constexpr double kRepeatSeconds = 2.0;     ///< a question without an answer is asked again
-constexpr double kDrainSeconds = 60.0;     ///< a result that nobody takes is given up then
+constexpr double kRepeatSeconds = 2.0;  ///< a question without an answer is asked again
+constexpr double kDrainSeconds = 60.0;  ///< a result that nobody takes is given up then
 constexpr std::size_t kRememberedJobs = 64;
 
 }  // namespace
@@ -27,7 +27,8 @@ void Session::start() {
   // What a killed process of this name has left.
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(options_.cache, ignored)) {
-    if (entry.path().filename().string().starts_with(options_.name + ".")) std::filesystem::remove_all(entry.path(), ignored);
+    if (entry.path().filename().string().starts_with(options_.name + "."))
+      std::filesystem::remove_all(entry.path(), ignored);
   }
   send_heartbeat();
 }
@@ -46,11 +47,11 @@ void Session::send_heartbeat() {
   h.set_process(options_.process);
   h.set_threads(options_.threads);
   h.set_build_id(options_.build_id);
-  h.set_activity(draining_                        ? wire::Heartbeat::DRAINING
-                 : current_ && current_->working  ? wire::Heartbeat::TRACING
-                 : current_                       ? wire::Heartbeat::LOADING
-                 : held_ || !outgoing_.empty()    ? wire::Heartbeat::SENDING
-                                                  : wire::Heartbeat::IDLE);
+  h.set_activity(draining_                       ? wire::Heartbeat::DRAINING
+                 : current_ && current_->working ? wire::Heartbeat::TRACING
+                 : current_                      ? wire::Heartbeat::LOADING
+                 : held_ || !outgoing_.empty()   ? wire::Heartbeat::SENDING
+                                                 : wire::Heartbeat::IDLE);
   const auto add = [&](const std::string& job, const wire::Unit& unit) {
     if (h.job_id().empty()) h.set_job_id(job);
     if (h.job_id() == job && static_cast<std::size_t>(h.held_size()) < kMaxUnits) *h.add_held() = unit;
@@ -75,7 +76,8 @@ void Session::send_heartbeat() {
 }
 
 void Session::want_work() {
-  if (current_ || fetching_ || draining_ || told_to_idle_ || !welcomed_ || finished_ || clock_.now() < paused_until_) return;
+  if (current_ || fetching_ || draining_ || told_to_idle_ || !welcomed_ || finished_ || clock_.now() < paused_until_)
+    return;
   fetching_ = true;
   // With sums in hand that could go at once, only a task that is there already is of use.
   port_.fetch_task(held_ && outgoing_.empty() ? 0.0 : kFetchSeconds);
@@ -97,10 +99,11 @@ bool Session::fits_held(const wire::Task& task) const {
   }
   // A coordinator that was restarted may cut otherwise: no sub-pass may be twice in a sum.
   const wire::Unit& unit = task.unit();
-  return held_->units.size() < kMaxUnits && std::none_of(held_->units.begin(), held_->units.end(), [&](const wire::Unit& u) {
-    return u.first_sub_pass() < unit.first_sub_pass() + unit.sub_passes() &&
-           unit.first_sub_pass() < u.first_sub_pass() + u.sub_passes();
-  });
+  return held_->units.size() < kMaxUnits &&
+         std::none_of(held_->units.begin(), held_->units.end(), [&](const wire::Unit& u) {
+           return u.first_sub_pass() < unit.first_sub_pass() + unit.sub_passes() &&
+                  unit.first_sub_pass() < u.first_sub_pass() + u.sub_passes();
+         });
 }
 
 bool Session::is_mine_already(const wire::Task& task, std::uint64_t handle) {
@@ -108,7 +111,8 @@ bool Session::is_mine_already(const wire::Task& task, std::uint64_t handle) {
     return job == task.job_id() && unit.first_sub_pass() == task.unit().first_sub_pass() &&
            unit.sub_passes() == task.unit().sub_passes();
   };
-  if (held_ && std::any_of(held_->units.begin(), held_->units.end(), [&](const auto& u) { return same(held_->job, u); })) {
+  if (held_ &&
+      std::any_of(held_->units.begin(), held_->units.end(), [&](const auto& u) { return same(held_->job, u); })) {
     held_->handles.push_back(handle);
     return true;
   }
@@ -151,7 +155,9 @@ void Session::advance() {
   // Sums of another round must be on their way before this unit's can be gathered.
   if (!fits_held(current_->task) && !flush()) return;
   const auto bundle = have_bundle(current_->task);
-  if (!bundle) return bundle.error().kind == ErrorKind::kInternal ? hand_back_current(bundle.error()) : fail_current(bundle.error(), true);
+  if (!bundle)
+    return bundle.error().kind == ErrorKind::kInternal ? hand_back_current(bundle.error())
+                                                       : fail_current(bundle.error(), true);
   if (!*bundle) return;
   const wire::Task& task = current_->task;
   if (task.has_state() && task.state().bytes() > 0) {
@@ -171,7 +177,8 @@ void Session::begin_work() {
   } else {
     if (!held_) {
       held_ = Held{task.job_id(), task.run(), task.round_begin(), {}, {}, {}, 0.0, clock_.now()};
-      held_->sums = std::make_shared<Statistics>(static_cast<int>(task.width()), static_cast<int>(task.height()), false);
+      held_->sums =
+          std::make_shared<Statistics>(static_cast<int>(task.width()), static_cast<int>(task.height()), false);
     }
     work.first_sub_pass = task.unit().first_sub_pass();
     work.sub_passes = task.unit().sub_passes();

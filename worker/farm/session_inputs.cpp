@@ -79,7 +79,8 @@ std::filesystem::path Session::folder_of(const wire::Task& task) const {
 
 std::string Session::as_in_bundle(std::string text, const wire::Task& task) const {
   const std::string folder = folder_of(task).string() + "/";
-  for (std::size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at)) text.erase(at, folder.size());
+  for (std::size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at))
+    text.erase(at, folder.size());
   return text;
 }
 
@@ -88,7 +89,8 @@ Result<bool> Session::have_bundle(const wire::Task& task) {
   if (bundles_.contains(id.sha256)) return true;
   if (!have(id)) return false;
   const auto bytes = blobs_.read(id, 0, kMaxBundleBytes);
-  if (!bytes) return fail(ErrorKind::kInternal, bytes.error().message);  // whatever became of it, the job has no part in it
+  if (!bytes)
+    return fail(ErrorKind::kInternal, bytes.error().message);  // whatever became of it, the job has no part in it
   const auto bundle = parse_bundle(*bytes);
   if (!bundle) return tl::unexpected(bundle.error());
   for (const auto& file : bundle->files()) {

@@ -15,7 +15,7 @@ struct Vertex {
   Vec3f wo;
   SurfaceParams params;
   Bsdf bsdf;
-  bool transmissive;         ///< light from behind can contribute
+  bool transmissive;  ///< light from behind can contribute
 
   Vertex(const Scene& scene, const SurfacePoint& p, const Vec3f& direction_back, const MediumStack& media)
       : point(p),
@@ -28,9 +28,9 @@ struct Vertex {
 
 /// How the path that arrives at an emitter was sampled, to weigh it against next-event estimation.
 struct BsdfTechnique {
-  bool delta = true;         ///< camera ray or Dirac lobe: no other technique finds the light
+  bool delta = true;  ///< camera ray or Dirac lobe: no other technique finds the light
   float pdf_w = 0;
-  Vec3f position{0, 0, 0};   ///< vertex that the direction was sampled at; the lens for a camera ray
+  Vec3f position{0, 0, 0};  ///< vertex that the direction was sampled at; the lens for a camera ray
   Vec3f normal{0, 0, 0};
   bool transmissive = false;
 };

@@ -88,7 +88,7 @@ void for_each_tile(const Tile& region, Statistics& total,
   const int rows = (region.y1 - region.y0 + kTileEdge - 1) / kTileEdge;
   std::mutex adding;
   TileFigures all;
-  parallel_for(static_cast<std::size_t>(columns * rows), [&](std::size_t tile) {
+  parallel_for(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), [&](std::size_t tile) {
     const int index = static_cast<int>(tile);
     TileFigures figures;
     const int x0 = region.x0 + index % columns * kTileEdge;

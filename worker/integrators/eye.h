@@ -37,7 +37,7 @@ class Eye {
   [[nodiscard]] PixelSequence sequence(int x, int y, std::uint64_t sample, std::uint32_t purpose) const;
 
   CameraRays camera_;
-  MediumStack media_;     ///< volumes that the camera stands in
+  MediumStack media_;  ///< volumes that the camera stands in
   int width_, height_;
   std::uint64_t seed_;
 };
@@ -88,7 +88,7 @@ struct TileFigures {
   TileFigures& operator+=(const TileFigures& o);
 };
 struct Tile {
-  int x0, y0, x1, y1;   ///< the last ones are outside
+  int x0, y0, x1, y1;  ///< the last ones are outside
 };
 /// Calls `visit(tile, figures)` for every tile of a region, in parallel.
 void for_each_tile(const Tile& region, Statistics& total,

@@ -97,7 +97,8 @@ std::vector<Worth> worths(const std::vector<PilotPixel>& pixels, int width, int 
 }
 
 int samples_for(const Worth& worth, double scale) {
-  return static_cast<int>(std::clamp(std::floor(double{worth.deviation} * scale), 1.0, double{EyeAllocation::kMostSamples}));
+  return static_cast<int>(
+      std::clamp(std::floor(double{worth.deviation} * scale), 1.0, double{EyeAllocation::kMostSamples}));
 }
 
 /// Rays of the samples beyond the first of each pixel.

@@ -8,10 +8,10 @@
 
 namespace pf {
 
-/// How many eye samples of direct light a sub-pass takes at each pixel: more where it varies within the pixel (a lamp's edge,
-/// a silhouette, a penumbra), one elsewhere. In proportion to the standard deviation of a sample over the pixel's radiance and
-/// over the root of what it costs, the allocation of least error at a given cost [Neyman 1934, "On the Two Different Aspects
-/// of the Representative Method"; Cochran 1977, "Sampling Techniques", 5.5].
+/// How many eye samples of direct light a sub-pass takes at each pixel: more where it varies within the pixel (a lamp's
+/// edge, a silhouette, a penumbra), one elsewhere. In proportion to the standard deviation of a sample over the pixel's
+/// radiance and over the root of what it costs, the allocation of least error at a given cost [Neyman 1934, "On the Two
+/// Different Aspects of the Representative Method"; Cochran 1977, "Sampling Techniques", 5.5].
 ///
 /// Decided beforehand, from samples that the image does not use: averages of a pixel's samples stay unbiased, and every
 /// worker decides the same.

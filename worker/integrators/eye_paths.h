@@ -15,11 +15,12 @@ struct EyeWalk {
   MediumStack media;
   BsdfTechnique technique;
   Rgb beta{1.0f, 1.0f, 1.0f};
-  Rgb beta_emission{1.0f, 1.0f, 1.0f};  ///< of light met next: there the whole BSDF counts, not the followed portion alone
+  Rgb beta_emission{1.0f, 1.0f,
+                    1.0f};  ///< of light met next: there the whole BSDF counts, not the followed portion alone
   float distance = 0.0f;
   int bounce = 0;
   int splits = 0;
-  float split_weight = 1.0f;            ///< part of beta that stands for split branches: roulette must not count it again
+  float split_weight = 1.0f;  ///< part of beta that stands for split branches: roulette must not count it again
 };
 
 /// Radiance that the environment sends down a path that left the scene.
@@ -30,21 +31,22 @@ struct EyeWalk {
          environment_weight(scene, walk.ray.direction, walk.technique);
 }
 /// Radiance that a point emits down a path that met it.
-[[nodiscard]] inline Rgb emission_seen(const Scene& scene, const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
+[[nodiscard]] inline Rgb emission_seen(const Scene& scene, const SurfacePoint& point, const Vec3f& wo,
+                                       const EyeWalk& walk) {
   return walk.beta_emission * scene.emitted(point, wo) * emitter_weight(scene, point, walk.technique);
 }
 
-/// The eye's side of every method that gathers photons or irradiance: a path goes on where the surface reflects or transmits
-/// sharply and gathers where it scatters; rough reflections do the one or the other by a share that is smooth in roughness
-/// (Bsdf::gather_share), the first smooth boundaries do both.
+/// The eye's side of every method that gathers photons or irradiance: a path goes on where the surface reflects or
+/// transmits sharply and gathers where it scatters; rough reflections do the one or the other by a share that is smooth
+/// in roughness (Bsdf::gather_share), the first smooth boundaries do both.
 ///
 /// A sink is told what a path meets; `walk` is the path as it arrives there:
 ///   ray()                                        one more ray is shot
-///   escape(walk)                                 it leaves the scene; beta_emission and technique weigh the environment
-///   emitter(point, wo, walk)                     the point emits; likewise
-///   first_hit(vertex, distance)                  the first surface of a sample
-///   direct(vertex, u_light, u_point, p_follow, walk)   direct light of this vertex, all lobes but Dirac's
-///   gather(vertex, beta, u, walk)                the path ends: what arrives here by the gather portion counts beta times
+///   escape(walk)                                 it leaves the scene; beta_emission and technique weigh the
+///   environment emitter(point, wo, walk)                     the point emits; likewise first_hit(vertex, distance) the
+///   first surface of a sample direct(vertex, u_light, u_point, p_follow, walk)   direct light of this vertex, all
+///   lobes but Dirac's gather(vertex, beta, u, walk)                the path ends: what arrives here by the gather
+///   portion counts beta times
 class EyePaths {
  public:
   EyePaths(const Scene& scene, const Eye& eye, int max_depth) : scene_(scene), eye_(eye), max_depth_(max_depth) {}
@@ -72,7 +74,8 @@ void EyePaths::follow(int x, int y, std::uint64_t sample, Sink& sink) const {
   thread_local std::vector<EyeWalk> pending;  // one allocation a thread
   pending.clear();
   const BsdfTechnique lens{.position = start.ray.origin};
-  follow_one(EyeWalk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = lens}, pending, sink);
+  follow_one(EyeWalk{.sequence = start.sequence, .ray = start.ray, .media = eye_.media(), .technique = lens}, pending,
+             sink);
   while (!pending.empty()) {
     const EyeWalk next = pending.back();
     pending.pop_back();
@@ -140,8 +143,8 @@ bool EyePaths::scatter(EyeWalk& walk, const Vertex& vertex, std::vector<EyeWalk>
     branch.beta_emission = branch.beta * next->weight * (weight / p_follow);
     if (!next->delta) {
       const float cosine = std::abs(dot(next->wi, bsdf.ns()));
-      branch.beta_emission =
-          branch.beta * bsdf.eval(vertex.wo, next->wi, Transport::kRadiance) * (weight * cosine / (next->pdf_w * p_follow));
+      branch.beta_emission = branch.beta * bsdf.eval(vertex.wo, next->wi, Transport::kRadiance) *
+                             (weight * cosine / (next->pdf_w * p_follow));
     }
     branch.beta *= next->weight * (weight / p_follow);
     branch.split_weight *= weight;
@@ -163,7 +166,8 @@ bool EyePaths::scatter(EyeWalk& walk, const Vertex& vertex, std::vector<EyeWalk>
   const float u_reflect = 0.5f * reflect;
   const float u_transmit = 0.5f * (1.0f + reflect);
   const bool reflect_first = reflect > 0.5f;
-  if (go_on(other, reflect_first ? u_transmit : u_reflect, reflect_first ? 1.0f - reflect : reflect)) pending.push_back(other);
+  if (go_on(other, reflect_first ? u_transmit : u_reflect, reflect_first ? 1.0f - reflect : reflect))
+    pending.push_back(other);
   return go_on(walk, reflect_first ? u_reflect : u_transmit, reflect_first ? reflect : 1.0f - reflect);
 }
 

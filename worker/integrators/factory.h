@@ -10,10 +10,10 @@
 
 namespace pf {
 
-/// The algorithm `type` (not kAuto: the planner has chosen by now) over a scene, which outlives it. Structures that the method
-/// reads are made here, on the threads of the calling arena.
-[[nodiscard]] std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Scene& scene, const Camera& camera,
-                                                                const JobSpec& spec,
+/// The algorithm `type` (not kAuto: the planner has chosen by now) over a scene, which outlives it. Structures that the
+/// method reads are made here, on the threads of the calling arena.
+[[nodiscard]] std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Scene& scene,
+                                                                const Camera& camera, const JobSpec& spec,
                                                                 std::vector<ScenePart> parts = {});
 
 }  // namespace pf

@@ -44,18 +44,17 @@ struct FinalGatherIntegrator::Gather {
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk, const Layers& to) {
     if (!integrator.caustics_.empty()) {
       const float covered = integrator.covered_.at(target.x, target.y);
-      to.add_flow(kCaustic, beta * integrator.caustics_.radiance(integrator.scene_, vertex, Portion::kGather,
-                                                                 covered, u, target.figures));
+      to.add_flow(kCaustic, beta * integrator.caustics_.radiance(integrator.scene_, vertex, Portion::kGather, covered,
+                                                                 u, target.figures));
     }
     // Every gather of every sample has random numbers of its own: the image's points use small numbers for
     // the sub-pass.
     constexpr std::uint64_t kSamples = std::uint64_t{1} << 24;
-    const auto pixel =
-        static_cast<std::uint32_t>(target.y) * static_cast<std::uint32_t>(integrator.eye_.width()) +
-        static_cast<std::uint32_t>(target.x);
+    const auto pixel = static_cast<std::uint32_t>(target.y) * static_cast<std::uint32_t>(integrator.eye_.width()) +
+                       static_cast<std::uint32_t>(target.x);
     PathRng rng(integrator.seed_, Stream::kIrradiance, kSamples + target.sample * 256 + gathers++, pixel);
-    to.add_flow(kIndirect, beta * (vertex.bsdf.gather_is_lambert() ? lambert(vertex, walk, rng)
-                                                                   : lobe(vertex, walk, rng)));
+    to.add_flow(kIndirect,
+                beta * (vertex.bsdf.gather_is_lambert() ? lambert(vertex, walk, rng) : lobe(vertex, walk, rng)));
   }
 
   Rgb lambert(const Vertex& vertex, const EyeWalk& walk, PathRng& rng) const {

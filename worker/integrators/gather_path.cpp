@@ -11,8 +11,7 @@ namespace {
 /// light sample that direct_light() takes with the same numbers.
 Rgb gather_part(const Scene& scene, const Vertex& vertex, float u_pick, const Vec2f& u) {
   if (is_zero(vertex.bsdf.albedo(Portion::kFollow))) return {1.0f, 1.0f, 1.0f};
-  const auto picked =
-      scene.lights().sample(vertex.point.position, vertex.bsdf.ns(), vertex.transmissive, u_pick, u);
+  const auto picked = scene.lights().sample(vertex.point.position, vertex.bsdf.ns(), vertex.transmissive, u_pick, u);
   if (!picked) return {0.0f, 0.0f, 0.0f};
   const Vec3f& wi = picked->sample.wi;
   const Rgb all = vertex.bsdf.eval(vertex.wo, wi, Transport::kRadiance);
@@ -41,8 +40,8 @@ bool PathGather::scatter(Walk& walk, const Vertex& vertex, PathRng& rng, TileFig
   const Vec2f u_point = rng.next2();
   if (walk.scattered) {
     if (!bsdf.is_delta_only()) {
-      walk.sum += walk.beta * direct_light(scene_, vertex, walk.media, u_light, u_point, Portion::kAll, 1.0f,
-                                           figures.rays);
+      walk.sum +=
+          walk.beta * direct_light(scene_, vertex, walk.media, u_light, u_point, Portion::kAll, 1.0f, figures.rays);
     }
   } else {
     const float gathered = average(bsdf.albedo(Portion::kGather));
@@ -51,8 +50,7 @@ bool PathGather::scatter(Walk& walk, const Vertex& vertex, PathRng& rng, TileFig
     const float p_gather = gathered / (gathered + followed);
     if (gathered > 0.0f) {
       walk.sum += walk.beta * gather_part(scene_, vertex, u_light, u_point) *
-                  direct_light(scene_, vertex, walk.media, u_light, u_point, Portion::kGather, p_gather,
-                               figures.rays);
+                  direct_light(scene_, vertex, walk.media, u_light, u_point, Portion::kGather, p_gather, figures.rays);
     }
     const bool gathers = rng.next1() < p_gather;
     portion = gathers ? Portion::kGather : Portion::kFollow;
@@ -63,8 +61,7 @@ bool PathGather::scatter(Walk& walk, const Vertex& vertex, PathRng& rng, TileFig
   const auto next = bsdf.sample(vertex.wo, u_lobe, rng.next2(), Transport::kRadiance, portion);
   if (!next) return false;
   walk.beta *= next->weight / p_portion;
-  walk.technique = {next->delta, next->pdf_w * p_portion, vertex.point.position, bsdf.ns(),
-                    vertex.transmissive};
+  walk.technique = {next->delta, next->pdf_w * p_portion, vertex.point.position, bsdf.ns(), vertex.transmissive};
   if (next->refracted) walk.media.cross(vertex.point.material, vertex.entering());
   walk.ray = {offset_past(vertex.point, next->wi), next->wi};
   return true;

@@ -38,9 +38,7 @@ struct HemisphereGather::Histogram {
     return static_cast<std::size_t>(u.x * kRows) * kColumns + static_cast<std::size_t>(u.y * kColumns);
   }
   /// Density relative to the cosine-weighted hemisphere's.
-  [[nodiscard]] float relative_density(const Vec2f& u) const {
-    return share[cell(u)] * static_cast<float>(kCells);
-  }
+  [[nodiscard]] float relative_density(const Vec2f& u) const { return share[cell(u)] * static_cast<float>(kCells); }
 };
 
 HemisphereGather::HemisphereGather(const MapGather& gather, const JobSpec& spec)
@@ -80,8 +78,7 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
   point.ns = vertex.bsdf.ns();
   point.ng = vertex.bsdf.ng();
   Histogram histogram;
-  const int chosen =
-      fill(vertex, histogram) ? static_cast<int>(std::lrint(importance_ * static_cast<float>(rays))) : 0;
+  const int chosen = fill(vertex, histogram) ? static_cast<int>(std::lrint(importance_ * static_cast<float>(rays))) : 0;
   const int rows = std::max(1, static_cast<int>(std::sqrt(0.5f * static_cast<float>(rays - chosen))));
   const int columns = (rays - chosen) / rows;
   const int even = rows * columns, total = even + chosen;
@@ -94,8 +91,8 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
     const auto arrival = gather_.arriving({offset_past(vertex.point, d), d}, media, rng, figures);
     inverse_distance += arrival.distance > 0.0f ? 1.0 / static_cast<double>(arrival.distance) : 0.0;
     // L cos / (n_even cos / pi + n_chosen cos / pi * g): the balance heuristic.
-    const float density = static_cast<float>(even) +
-                          static_cast<float>(chosen) * (chosen > 0 ? histogram.relative_density(u) : 0.0f);
+    const float density =
+        static_cast<float>(even) + static_cast<float>(chosen) * (chosen > 0 ? histogram.relative_density(u) : 0.0f);
     const Rgb value = arrival.radiance * (kPi / density);
     point.irradiance += value;
     const double l = static_cast<double>(luminance(value));
@@ -106,16 +103,16 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
     for (int column = 0; column < columns; ++column) {
       const Vec2f jitter = rng.next2();
       shoot({std::min((static_cast<float>(row) + jitter.x) / static_cast<float>(rows), kOneMinusEpsilon),
-             std::min((static_cast<float>(column) + jitter.y) / static_cast<float>(columns),
-                      kOneMinusEpsilon)});
+             std::min((static_cast<float>(column) + jitter.y) / static_cast<float>(columns), kOneMinusEpsilon)});
     }
   }
   for (int i = 0; i < chosen; ++i) {
     const auto pick = histogram.cells.sample(
         std::min((static_cast<float>(i) + rng.next1()) / static_cast<float>(chosen), kOneMinusEpsilon));
     const Vec2f jitter = rng.next2();
-    shoot({std::min((static_cast<float>(pick->index / kColumns) + jitter.x) / kRows, kOneMinusEpsilon),
-           std::min((static_cast<float>(pick->index % kColumns) + jitter.y) / kColumns, kOneMinusEpsilon)});
+    const std::size_t row = pick->index / kColumns, column = pick->index % kColumns;
+    shoot({std::min((static_cast<float>(row) + jitter.x) / kRows, kOneMinusEpsilon),
+           std::min((static_cast<float>(column) + jitter.y) / kColumns, kOneMinusEpsilon)});
   }
   if (inverse_distance > 0.0) point.distance = static_cast<float>(total / inverse_distance);
   // Strata make it smaller than this.
@@ -123,8 +120,7 @@ GatherPoint HemisphereGather::at(const Vertex& vertex, const MediumStack& media,
   return point;
 }
 
-GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereGather& gather,
-                           const JobSpec& spec)
+GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereGather& gather, const JobSpec& spec)
     : scene_(scene),
       eye_(eye),
       gather_(gather),
@@ -133,8 +129,7 @@ GatherPoints::GatherPoints(const Scene& scene, const Eye& eye, const HemisphereG
       seed_(spec.integrator.seed),
       edge_(PassOrder::edge_for(spec.image.width, spec.image.height)),
       columns_((spec.image.width + edge_ - 1) / edge_),
-      parts_(static_cast<std::size_t>(columns_) *
-             static_cast<std::size_t>((spec.image.height + edge_ - 1) / edge_)) {}
+      parts_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>((spec.image.height + edge_ - 1) / edge_)) {}
 
 const GatherPoints::Part& GatherPoints::part_of(int x, int y) const {
   return parts_[static_cast<std::size_t>(y / edge_) * static_cast<std::size_t>(columns_) +
@@ -172,8 +167,8 @@ void GatherPoints::make_points(Part& part, const std::vector<std::pair<int, int>
 }
 
 bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const {
-  const std::array<const GatherPoint*, 4> corners{&part.at(x, y), &part.at(x + edge, y),
-                                                  &part.at(x, y + edge), &part.at(x + edge, y + edge)};
+  const std::array<const GatherPoint*, 4> corners{&part.at(x, y), &part.at(x + edge, y), &part.at(x, y + edge),
+                                                  &part.at(x + edge, y + edge)};
   for (std::size_t i = 0; i < 4; ++i) {
     if (!corners[i]->valid) return false;
     for (std::size_t j = 0; j < i; ++j) {
@@ -184,8 +179,7 @@ bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const 
       const float height = std::max(std::abs(dot(between, a.ng)), std::abs(dot(between, b.ng)));
       if (dot(a.ng, b.ng) <= 0.0f || height > kMostHeight * distance) return false;
       // No place of the square is farther from its nearest corner than half of the diagonal, nor its normal.
-      if (0.5f * std::max(change_bound(a, distance, cosine), change_bound(b, distance, cosine)) > error_)
-        return false;
+      if (0.5f * std::max(change_bound(a, distance, cosine), change_bound(b, distance, cosine)) > error_) return false;
       const float la = luminance(a.irradiance), lb = luminance(b.irradiance);
       const float noise = 2.0f * std::sqrt(a.error * a.error + b.error * b.error);
       if (std::abs(la - lb) > error_ * (la + lb) + noise) return false;
@@ -221,13 +215,12 @@ void GatherPoints::place(const ImagePart& image_part) {
     for (const auto& [x, y] : squares) {
       if (interpolates(part, x, y, edge)) {
         for (int py = y; py < y + edge; ++py) {
-          for (int px = x; px < x + edge; ++px)
-            part.square[part.index(px, py)] = static_cast<std::uint8_t>(edge);
+          for (int px = x; px < x + edge; ++px) part.square[part.index(px, py)] = static_cast<std::uint8_t>(edge);
         }
         continue;
       }
-      const bool nothing = !part.at(x, y).valid && !part.at(x + edge, y).valid &&
-                           !part.at(x, y + edge).valid && !part.at(x + edge, y + edge).valid;
+      const bool nothing = !part.at(x, y).valid && !part.at(x + edge, y).valid && !part.at(x, y + edge).valid &&
+                           !part.at(x + edge, y + edge).valid;
       const int half = edge / 2;
       if (nothing || half == 0) continue;
       for (const auto& square : {std::pair{x, y}, {x + half, y}, {x, y + half}, {x + half, y + half}}) {

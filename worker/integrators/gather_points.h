@@ -18,10 +18,9 @@ struct GatherPoint {
   bool valid = false;  ///< the surface has a Lambert reflector to gather for
   Vec3f position{0, 0, 0};
   Vec3f ns{0, 0, 1}, ng{0, 0, 1};
-  Rgb irradiance{0, 0, 0};  ///< W m^-2
-  float error = 0;          ///< standard error of its luminance, of the random choice of rays
-  float distance =
-      kInfinity;  ///< harmonic mean of the distances to what the rays met [m]: how near other surfaces are
+  Rgb irradiance{0, 0, 0};     ///< W m^-2
+  float error = 0;             ///< standard error of its luminance, of the random choice of rays
+  float distance = kInfinity;  ///< harmonic mean of the distances to what the rays met [m]: how near other surfaces are
 };
 
 /// Gathers irradiance by rays.
@@ -79,12 +78,10 @@ class GatherPoints {
     int x0 = 0, y0 = 0, columns = 0;   ///< columns: of the lattice, corners on both borders
     std::vector<std::int32_t> corner;  ///< number of the point, or -1
     std::vector<GatherPoint> points;
-    std::vector<std::uint8_t>
-        square;  ///< per pixel: edge of the square it lies in, 0: not to be interpolated
+    std::vector<std::uint8_t> square;  ///< per pixel: edge of the square it lies in, 0: not to be interpolated
     TileFigures figures;
     [[nodiscard]] std::size_t index(int x, int y) const {
-      return static_cast<std::size_t>(y - y0) * static_cast<std::size_t>(columns) +
-             static_cast<std::size_t>(x - x0);
+      return static_cast<std::size_t>(y - y0) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(x - x0);
     }
     [[nodiscard]] const GatherPoint& at(int x, int y) const {
       return points[static_cast<std::size_t>(corner[index(x, y)])];

@@ -18,8 +18,7 @@ constexpr std::size_t kEvery = 4;
 constexpr std::size_t kChunk = 256;
 
 /// Nodes of the tree from left to right, every kEvery-th of them: neighbours in space follow each other.
-void list_in_order(std::size_t node, std::size_t count, std::size_t& number,
-                   std::vector<std::uint32_t>& chosen) {
+void list_in_order(std::size_t node, std::size_t count, std::size_t& number, std::vector<std::uint32_t>& chosen) {
   if (node > count) return;
   list_in_order(2 * node, count, number, chosen);
   if (number++ % kEvery == 0) chosen.push_back(static_cast<std::uint32_t>(node));
@@ -31,12 +30,10 @@ int depth_behind_gather(int max_depth) { return max_depth == 0 ? 0 : max_depth -
 
 }  // namespace
 
-MapGather::MapGather(const Scene& scene, const JobSpec& spec)
-    : scene_(scene), max_depth_(spec.integrator.max_depth) {
+MapGather::MapGather(const Scene& scene, const JobSpec& spec) : scene_(scene), max_depth_(spec.integrator.max_depth) {
   if (max_depth_ == 1) return;  // all light that arrives is direct
   const TracedPhotons global(scene, spec, TracedPhotons::Purpose::kGlobal, depth_behind_gather(max_depth_));
-  const Photons* all[] = {&global.batch.direct, &global.batch.flows[kCaustic],
-                               &global.batch.flows[kIndirect]};
+  const Photons* all[] = {&global.batch.direct, &global.batch.flows[kCaustic], &global.batch.flows[kIndirect]};
   map_ = MapEstimate(scene, all, global.flux_unit, global_options(spec));
   figures_ = global.figures();
   if (spec.final_gather.importance > 0.0) indirect_ = PhotonMap(std::span(all).last(1));
@@ -114,8 +111,7 @@ GatherRadiance::Arrival MapGather::arriving(const Ray& ray, const MediumStack& m
     if (!inside.empty()) beta *= inside.transmittance(scene_, length(hit->position - from));
     const Vertex vertex(scene_, *hit, -at.direction, inside);
     const Bsdf& bsdf = vertex.bsdf;
-    const float gathered = average(bsdf.albedo(Portion::kGather)),
-                followed = average(bsdf.albedo(Portion::kFollow));
+    const float gathered = average(bsdf.albedo(Portion::kGather)), followed = average(bsdf.albedo(Portion::kFollow));
     if (bsdf.is_black() || !(gathered + followed > 0.0f)) return arrival;
     const float p_gather = gathered / (gathered + followed);
     const float u = p_gather < 1.0f ? rng.next1() : 0.0f;

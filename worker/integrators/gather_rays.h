@@ -21,9 +21,8 @@ class GatherRadiance {
   virtual ~GatherRadiance() = default;
 
   struct Arrival {
-    Rgb radiance{0, 0, 0};  ///< W sr^-1 m^-2, finite
-    float distance =
-        kInfinity;  ///< metres to the first surface met; kInfinity where the ray leaves the scene
+    Rgb radiance{0, 0, 0};       ///< W sr^-1 m^-2, finite
+    float distance = kInfinity;  ///< metres to the first surface met; kInfinity where the ray leaves the scene
   };
   /// `ray` starts off its surface, inside of `media`. Rays shot and contributions that are not finite are
   /// counted in `figures`. Depends on its arguments alone; called by many threads at once.

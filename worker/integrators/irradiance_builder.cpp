@@ -29,8 +29,8 @@ struct IrradianceBuilder::Miss {
   int x, y;
 };
 
-HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const HemisphereGrid& grid,
-                                            std::uint64_t stream, TileFigures& figures) const {
+HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const HemisphereGrid& grid, std::uint64_t stream,
+                                            TileFigures& figures) const {
   const Frame frame = Frame::from_normal(place.normal);
   HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{0, 0, 0}),
                             std::vector<float>(grid.cells(), kInfinity)};
@@ -53,8 +53,7 @@ void IrradianceBuilder::fill(IrradianceRecord& record, const GatherPlace& place,
   if (reach != nullptr) *reach = RecordReach(samples);
 }
 
-void IrradianceBuilder::gather_again(IrradianceRecord& record, RecordReach& reach,
-                                     TileFigures& figures) const {
+void IrradianceBuilder::gather_again(IrradianceRecord& record, RecordReach& reach, TileFigures& figures) const {
   MediumStack media;
   if (scene_.any_medium()) {
     const Vec3f outside =
@@ -95,8 +94,7 @@ struct MissSink {
 }  // namespace
 
 std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, int max_depth,
-                                                               const IrradianceCache& cache,
-                                                               const Lattice& lattice) {
+                                                               const IrradianceCache& cache, const Lattice& lattice) {
   const auto count = [&](int first, int size) {
     return first < size ? static_cast<std::size_t>((size - 1 - first) / lattice.step + 1) : std::size_t{0};
   };
@@ -124,9 +122,8 @@ std::vector<IrradianceBuilder::Miss> IrradianceBuilder::misses(const Eye& eye, i
   return all;
 }
 
-void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache& cache,
-                                 std::uint32_t& next_id, std::vector<std::uint16_t>& marks,
-                                 std::vector<RecordReach>* reaches) {
+void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache& cache, std::uint32_t& next_id,
+                                 std::vector<std::uint16_t>& marks, std::vector<RecordReach>* reaches) {
   // From the largest spacing down, every lattice between the points of those before: first the middles of
   // their squares, then of the squares' edges, so that hardly any two points of one lattice are nearer than
   // the records will be.
@@ -175,8 +172,7 @@ void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache&
   figures_.records = cache.records().size();
 }
 
-void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, int max_depth,
-                               IrradianceCache& cache) {
+void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, int max_depth, IrradianceCache& cache) {
   enum class Fate : std::uint8_t { kKept, kRenewed, kDropped };
   const std::size_t count = file.records.size();
   std::vector<Fate> fates(count, change.everywhere ? Fate::kDropped : Fate::kKept);

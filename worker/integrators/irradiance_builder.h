@@ -54,16 +54,12 @@ class IrradianceBuilder {
   /// `seed`: of the gather rays' random numbers.
   IrradianceBuilder(const Scene& scene, const GatherRadiance& source, const JobSpec::IrradianceCache& options,
                     std::uint64_t seed)
-      : scene_(scene),
-        source_(source),
-        options_(options),
-        grid_(HemisphereGrid::of_rays(options.rays)),
-        seed_(seed) {}
+      : scene_(scene), source_(source), options_(options), grid_(HemisphereGrid::of_rays(options.rays)), seed_(seed) {}
 
   /// Gather rays of one hemisphere, one a cell of `grid`; `stream` names their random numbers. Where a ray
   /// would start below the true surface nothing arrives.
-  [[nodiscard]] HemisphereSamples gather(const GatherPlace& place, const HemisphereGrid& grid,
-                                         std::uint64_t stream, TileFigures& figures) const;
+  [[nodiscard]] HemisphereSamples gather(const GatherPlace& place, const HemisphereGrid& grid, std::uint64_t stream,
+                                         TileFigures& figures) const;
 
   /// Overture: makes records for what the image will ask, from coarse lattices of pixels to fine ones [Ward
   /// 1988, 4.2; Krivanek and Gautron 2009, 5.1]. All points of a lattice are looked up in what the lattices
@@ -85,8 +81,7 @@ class IrradianceBuilder {
   struct Miss;
   [[nodiscard]] std::vector<Miss> misses(const Eye& eye, int max_depth, const IrradianceCache& cache,
                                          const Lattice& lattice);
-  void fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach,
-            TileFigures& figures) const;
+  void fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach, TileFigures& figures) const;
   /// Gathers again at `record`, whose place stays.
   void gather_again(IrradianceRecord& record, RecordReach& reach, TileFigures& figures) const;
   void count_gathered(const TileFigures& tile);

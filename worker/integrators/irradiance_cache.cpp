@@ -20,8 +20,7 @@ std::uint64_t stream_of(std::uint64_t pixel, std::uint64_t sample, const EyeWalk
   return (1ull << 47) | (((pixel << 19) ^ (sample << 3) ^ branch) & ((1ull << 47) - 1));
 }
 
-std::unique_ptr<const GatherRadiance> make_source(const Scene& scene, const JobSpec& spec,
-                                                  TileFigures& made) {
+std::unique_ptr<const GatherRadiance> make_source(const Scene& scene, const JobSpec& spec, TileFigures& made) {
   if (spec.irradiance_cache.source == GatherSource::kPath)
     return std::make_unique<PathGather>(scene, spec.integrator.max_depth);
   auto source = std::make_unique<MapGather>(scene, spec);
@@ -31,8 +30,7 @@ std::unique_ptr<const GatherRadiance> make_source(const Scene& scene, const JobS
 
 }  // namespace
 
-IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const Camera& camera,
-                                                     const JobSpec& spec,
+IrradianceCacheIntegrator::IrradianceCacheIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec,
                                                      std::vector<ScenePart> parts)
     : SinglePassIntegrator(scene, camera, spec, Extra::kCacheRecords),
       seed_(spec.integrator.seed),
@@ -54,8 +52,7 @@ void IrradianceCacheIntegrator::fill_cache() {
   IrradianceFile& content = store_.content();
   builder_.update(content, store_.change(), max_depth_, cache_);
   if (!store_.holds_view()) {
-    builder_.overture(eye_, max_depth_, cache_, content.next_id, marks_,
-                      store_.keeps() ? &content.reaches : nullptr);
+    builder_.overture(eye_, max_depth_, cache_, content.next_id, marks_, store_.keeps() ? &content.reaches : nullptr);
     content.records = cache_.records();
     if (store_.keeps()) store_.write();
   }
@@ -77,13 +74,12 @@ void IrradianceCacheIntegrator::render(const PixelTarget& target) const {
   Sink sink(scene_, film_.scale, target, *this);
   EyePaths(scene_, eye_, max_depth_).follow(target.x, target.y, target.sample, sink);
   if (target.sample > 0) return;
-  const std::size_t pixel = static_cast<std::size_t>(target.y) * static_cast<std::size_t>(film_.width) +
-                            static_cast<std::size_t>(target.x);
+  const std::size_t pixel =
+      static_cast<std::size_t>(target.y) * static_cast<std::size_t>(film_.width) + static_cast<std::size_t>(target.x);
   for (int i = 0; i < marks_[pixel]; ++i) target.tally.mark();
 }
 
-Rgb IrradianceCacheIntegrator::irradiance(const Vertex& vertex, const EyeWalk& walk,
-                                          const PixelTarget& target) const {
+Rgb IrradianceCacheIntegrator::irradiance(const Vertex& vertex, const EyeWalk& walk, const PixelTarget& target) const {
   if (const auto read = cache_.interpolate(vertex.point.position, vertex.bsdf.ns())) return *read;
   ++misses_;
   const auto pixel = static_cast<std::uint64_t>(target.y) * static_cast<std::uint64_t>(film_.width) +
@@ -94,13 +90,12 @@ Rgb IrradianceCacheIntegrator::irradiance(const Vertex& vertex, const EyeWalk& w
   return estimate_irradiance(samples, Frame::from_normal(place.normal)).irradiance;
 }
 
-void IrradianceCacheIntegrator::gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u,
-                                       const EyeWalk& walk, const Sink::Layers& to) const {
+void IrradianceCacheIntegrator::gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk,
+                                       const Sink::Layers& to) const {
   const Bsdf& bsdf = vertex.bsdf;
   if (!caustics_.empty()) {
     const float covered = covered_.at(to.target.x, to.target.y);
-    to.add_flow(kCaustic,
-                beta * caustics_.radiance(scene_, vertex, Portion::kGather, covered, u, to.target.figures));
+    to.add_flow(kCaustic, beta * caustics_.radiance(scene_, vertex, Portion::kGather, covered, u, to.target.figures));
   }
   if (bsdf.gather_is_lambert()) {
     if (!is_zero(bsdf.lambert_f()))

@@ -59,8 +59,7 @@ class IrradianceCacheIntegrator final : public SinglePassIntegrator {
   friend Sink;
   void render(const PixelTarget& target) const override;
   void prepare(const ImagePart& part) const override;
-  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk,
-              const Sink::Layers& to) const;
+  void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk, const Sink::Layers& to) const;
   [[nodiscard]] Rgb irradiance(const Vertex& vertex, const EyeWalk& walk, const PixelTarget& target) const;
   void fill_cache();
 

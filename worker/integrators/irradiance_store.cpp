@@ -17,12 +17,11 @@ constexpr std::uint64_t kMaxFileBytes = std::uint64_t{8} << 30;
 
 /// What decides a record's value besides the scene: how its rays are made and followed.
 std::uint64_t hash_of_options(const JobSpec& spec) {
-  std::string text =
-      fmt::format("{} {}", static_cast<int>(spec.irradiance_cache.source), spec.integrator.max_depth);
+  std::string text = fmt::format("{} {}", static_cast<int>(spec.irradiance_cache.source), spec.integrator.max_depth);
   if (spec.irradiance_cache.source == GatherSource::kPhotonMap) {
     const JobSpec::PhotonMap& map = spec.photon_map;
-    text += fmt::format(" {} {} {} {}", photon_paths(spec), map.nearest, map.max_distance,
-                        static_cast<int>(map.filter));
+    text +=
+        fmt::format(" {} {} {} {}", photon_paths(spec), map.nearest, map.max_distance, static_cast<int>(map.filter));
     text += spec.final_gather.precompute ? " precomputed" : "";
   }
   return xxh3_64(text);
@@ -30,9 +29,9 @@ std::uint64_t hash_of_options(const JobSpec& spec) {
 
 /// What decides which points an overture looks up.
 std::uint64_t hash_of_view(const JobSpec& spec, const Camera& camera) {
-  std::string text = fmt::format("{} {} {} {} {} {}", spec.image.width, spec.image.height,
-                                 spec.integrator.seed, spec.irradiance_cache.error,
-                                 spec.irradiance_cache.min_spacing, spec.irradiance_cache.max_spacing);
+  std::string text =
+      fmt::format("{} {} {} {} {} {}", spec.image.width, spec.image.height, spec.integrator.seed,
+                  spec.irradiance_cache.error, spec.irradiance_cache.min_spacing, spec.irradiance_cache.max_spacing);
   text += fmt::format(" {} {} {} {} {} {} {}", camera.orthographic, camera.yfov, camera.xmag, camera.ymag,
                       camera.aspect_ratio, camera.lens_radius, camera.focus_distance);
   for (int i = 0; i < 16; ++i) text += fmt::format(" {}", camera.camera_to_world.getValue()[i]);
@@ -41,8 +40,7 @@ std::uint64_t hash_of_view(const JobSpec& spec, const Camera& camera) {
 
 }  // namespace
 
-IrradianceStore::IrradianceStore(const JobSpec& spec, const Camera& camera,
-                                 std::vector<ScenePart> parts)
+IrradianceStore::IrradianceStore(const JobSpec& spec, const Camera& camera, std::vector<ScenePart> parts)
     : parts_(std::move(parts)), view_(hash_of_view(spec, camera)) {
   content_.seed = spec.integrator.seed;
   if (spec.cache.file.empty()) return;
@@ -71,16 +69,14 @@ Result<void> IrradianceStore::load(const JobSpec& spec) {
 }
 
 bool IrradianceStore::holds_view() const {
-  return change_.empty() &&
-         std::find(content_.views.begin(), content_.views.end(), view_) != content_.views.end();
+  return change_.empty() && std::find(content_.views.begin(), content_.views.end(), view_) != content_.views.end();
 }
 
 void IrradianceStore::write() {
   if (!change_.empty()) content_.views.clear();
   content_.views.push_back(view_);
   content_.parts = parts_;
-  if (const auto written = write_file_atomically(file_, to_bytes(content_)); !written)
-    error_ = written.error();
+  if (const auto written = write_file_atomically(file_, to_bytes(content_)); !written) error_ = written.error();
 }
 
 }  // namespace pf

@@ -55,8 +55,7 @@ MapEstimate::MapEstimate(const Scene& scene, std::span<const Photons* const> flo
                          const Options& options)
     : map_(flows), options_(options), filter_(options.filter), flux_unit_(flux_unit) {
   if (map_.empty()) return;  // reaches nowhere, so that nobody looks for edges on its behalf
-  max_distance_ =
-      options.max_distance > 0.0 ? static_cast<float>(options.max_distance) : choose_max_distance(scene);
+  max_distance_ = options.max_distance > 0.0 ? static_cast<float>(options.max_distance) : choose_max_distance(scene);
 }
 
 float MapEstimate::choose_max_distance(const Scene& scene) const {
@@ -85,8 +84,8 @@ const NearestPhotons& MapEstimate::find(const Vec3f& position, const Vec3f& norm
   return found;
 }
 
-Rgb MapEstimate::radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered,
-                          const Vec2f& u, TileFigures& figures) const {
+Rgb MapEstimate::radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered, const Vec2f& u,
+                          TileFigures& figures) const {
   if (map_.empty()) return {0.0f, 0.0f, 0.0f};
   DiscQuery disc = disc_at(vertex, max_distance_);
   const NearestPhotons& found = find(disc.position, disc.normal, disc.both_sides);
@@ -115,8 +114,7 @@ MapEstimate::Irradiance MapEstimate::irradiance(const Vec3f& position, const Vec
 }
 
 MapEstimate::Options global_options(const JobSpec& spec) {
-  return {static_cast<std::uint32_t>(spec.photon_map.nearest), spec.photon_map.max_distance,
-          spec.photon_map.filter};
+  return {static_cast<std::uint32_t>(spec.photon_map.nearest), spec.photon_map.max_distance, spec.photon_map.filter};
 }
 
 MapEstimate::Options caustic_options(const JobSpec& spec) {

@@ -44,14 +44,13 @@ class MapEstimate {
     PhotonFilter filter = PhotonFilter::kCone;
   };
   MapEstimate() = default;
-  MapEstimate(const Scene& scene, std::span<const Photons* const> flows, double flux_unit,
-              const Options& options);
+  MapEstimate(const Scene& scene, std::span<const Photons* const> flows, double flux_unit, const Options& options);
 
   /// Radiance [W sr^-1 m^-2] that `portion` of the BSDF scatters towards vertex.wo, of the light that the map
   /// holds. `covered`: radius up to which discs around the vertex are known to lie on the surface whole [m];
   /// `u` turns the probes otherwise.
-  [[nodiscard]] Rgb radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered,
-                             const Vec2f& u, TileFigures& figures) const;
+  [[nodiscard]] Rgb radiance(const Scene& scene, const Vertex& vertex, Portion portion, float covered, const Vec2f& u,
+                             TileFigures& figures) const;
   /// Irradiance [W m^-2] at a point, without regard to edges, and the radius of the disc [m].
   struct Irradiance {
     Rgb irradiance{0, 0, 0};

@@ -28,24 +28,23 @@ void CoveredRadii::find(const ImagePart& part, float radius) {
     radii_.assign(static_cast<std::size_t>(eye_.width()) * static_cast<std::size_t>(eye_.height()), -1.0f);
   if (at(part.x0, part.y0) >= 0.0f) return;
   Statistics unused;
-  for_each_tile(Tile{part.x0, part.y0, part.x1, part.y1}, unused,
-                [&](const Tile& tile, TileFigures& figures) {
-                  std::vector<GatherDisc> discs;
-                  std::vector<std::size_t> pixels;  // of the discs
-                  for (int y = tile.y0; y < tile.y1; ++y) {
-                    for (int x = tile.x0; x < tile.x1; ++x) {
-                      radii_[index(x, y)] = kInfinity;
-                      Sink sink{discs, figures, radius};
-                      EyePaths(scene_, eye_, max_depth_).follow(x, y, 0, sink);
-                      // A pixel that met nothing now may meet an edge later.
-                      if (discs.size() == pixels.size()) radii_[index(x, y)] = 0.0f;
-                      pixels.resize(discs.size(), index(x, y));
-                    }
-                  }
-                  find_covered_radii(scene_, discs, figures.rays);
-                  for (std::size_t d = 0; d < discs.size(); ++d)
-                    radii_[pixels[d]] = std::min(radii_[pixels[d]], discs[d].covered_radius);
-                });
+  for_each_tile(Tile{part.x0, part.y0, part.x1, part.y1}, unused, [&](const Tile& tile, TileFigures& figures) {
+    std::vector<GatherDisc> discs;
+    std::vector<std::size_t> pixels;  // of the discs
+    for (int y = tile.y0; y < tile.y1; ++y) {
+      for (int x = tile.x0; x < tile.x1; ++x) {
+        radii_[index(x, y)] = kInfinity;
+        Sink sink{discs, figures, radius};
+        EyePaths(scene_, eye_, max_depth_).follow(x, y, 0, sink);
+        // A pixel that met nothing now may meet an edge later.
+        if (discs.size() == pixels.size()) radii_[index(x, y)] = 0.0f;
+        pixels.resize(discs.size(), index(x, y));
+      }
+    }
+    find_covered_radii(scene_, discs, figures.rays);
+    for (std::size_t d = 0; d < discs.size(); ++d)
+      radii_[pixels[d]] = std::min(radii_[pixels[d]], discs[d].covered_radius);
+  });
 }
 
 PhotonMapIntegrator::PhotonMapIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
@@ -99,9 +98,8 @@ struct PhotonMapIntegrator::ShowMapSink {
   }
   void direct(const Vertex&, float, const Vec2f&, float, const EyeWalk&) {}
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
-    target.tally.add_flow(
-        kIndirect, beta * integrator.global_.radiance(integrator.scene_, vertex, Portion::kGather, covered, u,
-                                                      target.figures));
+    target.tally.add_flow(kIndirect, beta * integrator.global_.radiance(integrator.scene_, vertex, Portion::kGather,
+                                                                        covered, u, target.figures));
   }
 };
 

@@ -14,8 +14,7 @@ namespace pf {
 /// when a tile is about to be rendered. They depend on the pixel alone.
 class CoveredRadii {
  public:
-  CoveredRadii(const Scene& scene, const Eye& eye, int max_depth)
-      : scene_(scene), eye_(eye), max_depth_(max_depth) {}
+  CoveredRadii(const Scene& scene, const Eye& eye, int max_depth) : scene_(scene), eye_(eye), max_depth_(max_depth) {}
   /// Finds those of a part of the image, unless they are known; discs up to `radius` [m] count.
   void find(const ImagePart& part, float radius);
   /// Of a pixel in a part that was found [m].

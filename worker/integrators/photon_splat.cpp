@@ -41,7 +41,8 @@ struct PhotonSplatIntegrator::Samples {
   std::vector<Glossy> glossy;
 };
 
-/// Photon rays of one chunk, and which branches they may reach: those of branch b are reaching[begin_of[b]..begin_of[b + 1]).
+/// Photon rays of one chunk, and which branches they may reach: those of branch b are reaching[begin_of[b]..begin_of[b
+/// + 1]).
 struct PhotonSplatIntegrator::Splats {
   struct Splat {
     RayKernel kernel;
@@ -74,7 +75,8 @@ struct PhotonSplatIntegrator::CollectSink {
   void direct(const Vertex&, float, const Vec2f&, float, const EyeWalk&) {}
   void gather(const Vertex& vertex, const Rgb&, const Vec2f&, const EyeWalk& walk) {
     const bool lambert = vertex.bsdf.gather_is_lambert();
-    if (!lambert) tile.glossy.emplace_back(static_cast<std::uint32_t>(tile.samples.size()), Glossy{vertex.bsdf, vertex.wo});
+    if (!lambert)
+      tile.glossy.emplace_back(static_cast<std::uint32_t>(tile.samples.size()), Glossy{vertex.bsdf, vertex.wo});
     SplatSample sample;
     sample.position = vertex.point.position;
     sample.ng = vertex.bsdf.ng();
@@ -87,7 +89,8 @@ struct PhotonSplatIntegrator::CollectSink {
   }
 };
 
-/// The method of the four-part split: what was splatted to the samples of one pixel, in the order in which they were found.
+/// The method of the four-part split: what was splatted to the samples of one pixel, in the order in which they were
+/// found.
 struct PhotonSplatIntegrator::SplatLight {
   const std::vector<Gathered>& gathered;
   std::uint32_t next;
@@ -162,8 +165,8 @@ PhotonSplatIntegrator::Samples PhotonSplatIntegrator::collect(std::uint64_t sub_
   return all;
 }
 
-PhotonSplatIntegrator::Splats PhotonSplatIntegrator::trace(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end,
-                                                           const SampleTree& tree) const {
+PhotonSplatIntegrator::Splats PhotonSplatIntegrator::trace(std::uint64_t sub_pass, std::uint32_t first,
+                                                           std::uint32_t end, const SampleTree& tree) const {
   Splats splats;
   std::vector<PhotonSegment> segments;
   rays_.trace(sub_pass, first, end, segments, splats.figures);
@@ -172,7 +175,8 @@ PhotonSplatIntegrator::Splats PhotonSplatIntegrator::trace(std::uint64_t sub_pas
     const RayKernel kernel = kernel_of(segment, rays_.options().paths, rules_[segment.flow]);
     const std::size_t before = reached.size();
     const auto index = static_cast<std::uint32_t>(splats.rays.size());
-    tree.for_each_branch(kernel, [&](std::size_t branch) { reached.emplace_back(static_cast<std::uint32_t>(branch), index); });
+    tree.for_each_branch(kernel,
+                         [&](std::size_t branch) { reached.emplace_back(static_cast<std::uint32_t>(branch), index); });
     if (reached.size() > before) splats.rays.push_back({kernel, segment.flux, segment.flow, segment.media});
   }
   // By branch, and within one in the order of the paths.
@@ -202,8 +206,8 @@ float PhotonSplatIntegrator::part_lost(const RayKernel& ray, const SplatSample& 
   return scene_.occluded({origin, foot, 1.01f * height / sine + beyond}) ? lost : 0.0f;
 }
 
-std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std::vector<Splats>& batch, const Samples& samples,
-                                                  std::vector<Gathered>& gathered) const {
+std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std::vector<Splats>& batch,
+                                                  const Samples& samples, std::vector<Gathered>& gathered) const {
   std::uint64_t not_finite = 0;
   for (const Splats& splats : batch) {
     for (std::uint32_t r = splats.begin_of[branch]; r < splats.begin_of[branch + 1]; ++r) {
@@ -211,14 +215,15 @@ std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std:
       const Vec3f wi = -splat.kernel.direction();
       samples.tree.for_each_in_branch(branch, splat.kernel, [&](std::size_t index, const RayKernel::Meeting& meeting) {
         const SplatSample& sample = samples.tree.samples()[index];
-        // A sample behind the surface that the ray met counts where that surface is not in the way, as beside a box's edge.
+        // A sample behind the surface that the ray met counts where that surface is not in the way, as beside a box's
+        // edge.
         if (meeting.behind > 0.0f) {
           constexpr float kMargin = 1.01f;
           const Vec3f origin = offset_ray_origin(sample.position, sample.ng, wi, sample.extent);
           if (scene_.occluded({origin, wi, kMargin * meeting.behind})) return;
         }
-        // Flux density across the ray times the sample's cosine [Herzog et al. 2007], over the part of the disc where rays
-        // can be.
+        // Flux density across the ray times the sample's cosine [Herzog et al. 2007], over the part of the disc where
+        // rays can be.
         const float there = 1.0f - part_lost(splat.kernel, sample, meeting);
         Rgb light = splat.flux * (profile_(meeting.u2) / (meeting.area * there) * std::abs(dot(wi, sample.ns)));
         const std::int32_t glossy = samples.glossy_of[sample.id];
@@ -238,7 +243,8 @@ std::uint64_t PhotonSplatIntegrator::splat_branch(std::size_t branch, const std:
   return not_finite;
 }
 
-std::vector<PhotonSplatIntegrator::Gathered> PhotonSplatIntegrator::splat(std::uint64_t sub_pass, const Samples& samples,
+std::vector<PhotonSplatIntegrator::Gathered> PhotonSplatIntegrator::splat(std::uint64_t sub_pass,
+                                                                          const Samples& samples,
                                                                           Statistics& sums) const {
   std::vector<Gathered> gathered(samples.glossy_of.size());
   const std::uint32_t paths = rays_.options().paths;
@@ -251,9 +257,8 @@ std::vector<PhotonSplatIntegrator::Gathered> PhotonSplatIntegrator::splat(std::u
     });
     // Each sample is added to by one thread, ray after ray: sums have one order.
     std::vector<std::uint64_t> not_finite(samples.tree.branches());
-    parallel_for(samples.tree.branches(), [&](std::size_t branch) {
-      not_finite[branch] = splat_branch(branch, batch, samples, gathered);
-    });
+    parallel_for(samples.tree.branches(),
+                 [&](std::size_t branch) { not_finite[branch] = splat_branch(branch, batch, samples, gathered); });
     for (const Splats& splats : batch) {
       sums.rays += splats.figures.rays;
       sums.faults += splats.figures.faults;

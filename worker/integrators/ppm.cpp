@@ -27,7 +27,8 @@ int most_hit_points(const Scene& scene, const Camera& camera, const JobSpec& spe
   Statistics figures;
   for_each_pixel(eye.width(), eye.height(), figures, [&](int x, int y, TileFigures&) {
     CountingSink sink;
-    for (int sample = 0; sample < spec.ppm.eye_samples; ++sample) paths.follow(x, y, static_cast<std::uint64_t>(sample), sink);
+    for (int sample = 0; sample < spec.ppm.eye_samples; ++sample)
+      paths.follow(x, y, static_cast<std::uint64_t>(sample), sink);
     int known = most.load();
     while (known < sink.gathers && !most.compare_exchange_weak(known, sink.gathers)) {
     }
@@ -38,7 +39,8 @@ int most_hit_points(const Scene& scene, const Camera& camera, const JobSpec& spe
 }  // namespace
 
 PpmIntegrator::PpmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
-    : ProgressiveMapping(scene, camera, spec,
-                         EyeSampling{static_cast<std::uint64_t>(spec.ppm.eye_samples), most_hit_points(scene, camera, spec)}) {}
+    : ProgressiveMapping(
+          scene, camera, spec,
+          EyeSampling{static_cast<std::uint64_t>(spec.ppm.eye_samples), most_hit_points(scene, camera, spec)}) {}
 
 }  // namespace pf

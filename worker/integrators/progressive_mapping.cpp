@@ -11,9 +11,9 @@
 namespace pf {
 namespace {
 
-/// Photons of the first sub-pass that the first disc shall hold, and bounds of its radius in pixel footprints: wide where
-/// light is smooth, narrow for caustics. Chosen on the peer box: 600 to
-/// 800 photons lower its noise by 5 % and brighten corners.
+/// Photons of the first sub-pass that the first disc shall hold, and bounds of its radius in pixel footprints: wide
+/// where light is smooth, narrow for caustics. Chosen on the peer box: 600 to 800 photons lower its noise by 5 % and
+/// brighten corners.
 struct RadiusRule {
   float photons;
   float min_footprints;
@@ -44,8 +44,7 @@ ProgressiveMapping::ProgressiveMapping(const Scene& scene, const Camera& camera,
   film_.height = spec.image.height;
   film_.hit_points = sampling.hit_points;
   film_.extra = spec.integrator.error_estimate || spec.stop.error > 0.0 ? Extra::kBias : Extra::kNone;
-  film_.estimator =
-      spec.integrator.mode == ProgressiveMode::kShared ? Estimator::kShared : Estimator::kIndependent;
+  film_.estimator = spec.integrator.mode == ProgressiveMode::kShared ? Estimator::kShared : Estimator::kIndependent;
   film_.scale = scale_of_scene(scene, film_.estimator == Estimator::kShared ? tracer_.flux_unit() : 0.0);
   film_.alpha = spec.integrator.alpha;
   film_.round_growth = spec.integrator.round_growth;
@@ -65,7 +64,7 @@ struct ProgressiveMapping::RadiusSink {
   std::span<ProgressivePixel> points;  ///< of the pixel
   std::size_t first;                   ///< index of the first of them
   std::vector<GatherDisc>& discs;
-  std::vector<std::size_t>& owners;    ///< of the discs
+  std::vector<std::size_t>& owners;  ///< of the discs
   TileFigures& figures;
   std::size_t gathers = 0;
 
@@ -89,8 +88,7 @@ struct ProgressiveMapping::RadiusSink {
   }
 };
 
-float ProgressiveMapping::first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex,
-                                        float footprint) const {
+float ProgressiveMapping::first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex, float footprint) const {
   if (fixed_radius_ > 0.0) return static_cast<float>(fixed_radius_ * fixed_radius_);
   const RadiusRule& rule = kRadiusRules[flow];
   // No disc is wider than a part of the scene, however far away the surface is seen from.
@@ -137,8 +135,8 @@ std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
 }
 
 void ProgressiveMapping::fill_missing_radii(std::vector<ProgressivePixel>& state) const {
-  // A pixel whose first samples met no surface may meet one later: it takes the radii of the nearest pixel in its row, or else
-  // of the row above or below.
+  // A pixel whose first samples met no surface may meet one later: it takes the radii of the nearest pixel in its row,
+  // or else of the row above or below.
   const auto width = static_cast<std::size_t>(eye_.width());
   const auto known = [](const ProgressivePixel& p) { return p[kIndirect].radius2 > 0.0f; };
   const auto adopt = [&](ProgressivePixel& p, const ProgressivePixel& from) {
@@ -172,8 +170,8 @@ struct ProgressiveMapping::RadianceSink {
   PixelSequence* lights;                    ///< sample points of direct light; none: the eye path's own
   TileFigures& figures;
   Tally& tally;
-  /// Hit points so far. Where several share their statistics all bring flux, but only the first one's photons count in M, which
-  /// decides how fast the radius shrinks: as if the path had not been split.
+  /// Hit points so far. Where several share their statistics all bring flux, but only the first one's photons count in
+  /// M, which decides how fast the radius shrinks: as if the path had not been split.
   std::size_t gathers = 0;
 
   void ray() { ++figures.rays; }
@@ -187,8 +185,9 @@ struct ProgressiveMapping::RadianceSink {
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
     const float pick = lights != nullptr ? lights->next1() : u_pick;
     const Vec2f at = lights != nullptr ? lights->next2() : u;
-    tally.add_direct(walk.beta * direct_weight *
-                     direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow, figures.rays));
+    tally.add_direct(
+        walk.beta * direct_weight *
+        direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow, figures.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
     if (weight == 0.0f) return;
@@ -252,16 +251,17 @@ struct ProgressiveMapping::RadianceSink {
                       : vertex.bsdf.eval(vertex.wo, tree.towards_light(i), Transport::kRadiance, Portion::kGather);
     return f * tree.flux(i);
   }
-  /// What the disc's bias is estimated from. With a flux density p + c d^2 around the middle, photons at distance d sum up to
-  /// pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the Laplacian of [Hachisuka, Jarosz and
-  /// Jensen 2010, 4.2], by a quadratic kernel over the same disc. Of the luminance; apart from the flux, whose bits must not
-  /// depend on whether anybody asks for its error.
+  /// What the disc's bias is estimated from. With a flux density p + c d^2 around the middle, photons at distance d sum
+  /// up to pi R^2 (p + c R^2/2), and weighed by 6 d^2/R^2 - 3 to pi R^2 * c R^2/2, the bias: the Laplacian of
+  /// [Hachisuka, Jarosz and Jensen 2010, 4.2], by a quadratic kernel over the same disc. Of the luminance; apart from
+  /// the flux, whose bits must not depend on whether anybody asks for its error.
   [[nodiscard]] float bias_moment(GatherCursor& photons, const DiscQuery& query, const Vertex& vertex,
                                   const Rgb& beta) const {
     float moment = 0.0f;
     for (const std::uint32_t i : found(photons, query)) {
       const Vec3f offset = photons.tree().position(i) - query.position;
-      moment += luminance(beta * reflected_photon(photons.tree(), i, vertex)) * (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
+      moment += luminance(beta * reflected_photon(photons.tree(), i, vertex)) *
+                (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
     }
     return moment * static_cast<float>(integrator.tracer_.flux_unit());
   }
@@ -283,10 +283,18 @@ void ProgressiveMapping::gather_pixel(int x, int y, std::uint64_t sub_pass, cons
   PixelSequence lights = eye_.light_sequence(x, y, sub_pass);
   const double ratio =
       film_.estimator == Estimator::kIndependent ? independent_radius2_ratio(sub_pass, film_.alpha) : 1.0;
-  RadianceSink sink{*this, photons, std::span(state).subspan(i, points()), std::span(sums.pixels).subspan(i, points()),
+  RadianceSink sink{*this,
+                    photons,
+                    std::span(state).subspan(i, points()),
+                    std::span(sums.pixels).subspan(i, points()),
                     sums.extras.empty() ? std::span<ExtraSums>() : std::span(sums.extras).subspan(i, points()),
-                    static_cast<float>(ratio), 1.0f / static_cast<float>(samples.count), 0.0f, nullptr,
-                    sampling_.fixed > 0 ? &lights : nullptr, figures, tally};
+                    static_cast<float>(ratio),
+                    1.0f / static_cast<float>(samples.count),
+                    0.0f,
+                    nullptr,
+                    sampling_.fixed > 0 ? &lights : nullptr,
+                    figures,
+                    tally};
   const EyePaths eye_paths(scene_, eye_, max_depth_);
   const bool fixed = sampling_.fixed > 0;
   const std::uint64_t shown = fixed ? sub_pass % sampling_.fixed : samples.first;

@@ -13,9 +13,9 @@
 
 namespace pf {
 
-/// What progressive photon mapping and its stochastic form have in common: photons traced per sub-pass, eye paths to surfaces that
-/// scatter, gathers there within radii that shrink from round to round (or by a preset rule in mode "independent"). They differ
-/// in where the eye looks (EyeSampling).
+/// What progressive photon mapping and its stochastic form have in common: photons traced per sub-pass, eye paths to
+/// surfaces that scatter, gathers there within radii that shrink from round to round (or by a preset rule in mode
+/// "independent"). They differ in where the eye looks (EyeSampling).
 ///
 /// Beyond the papers:
 /// - caustic and indirect photons keep separate statistics: a narrow radius for edges, a wide one for smooth light;
@@ -34,7 +34,7 @@ class ProgressiveMapping : public Integrator {
   struct EyeSampling {
     /// Eye samples that every sub-pass traces again, the same each time; 0: new ones each, as EyeAllocation says.
     std::uint64_t fixed = 0;
-    int hit_points = 1;       ///< statistics of a pixel; a pixel with more hit points lets the last ones share
+    int hit_points = 1;  ///< statistics of a pixel; a pixel with more hit points lets the last ones share
   };
   ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec, const EyeSampling& sampling);
 
@@ -63,7 +63,7 @@ class ProgressiveMapping : public Integrator {
   PhotonTracer tracer_;
   FilmOptions film_;
   double fixed_radius_;
-  float scene_radius_;       ///< half the diagonal of the scene's bounds [m]
+  float scene_radius_;  ///< half the diagonal of the scene's bounds [m]
   int max_depth_;
   /// Made by the first unit: who only looks at radii needs none.
   mutable std::once_flag allocating_;

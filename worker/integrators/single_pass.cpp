@@ -28,7 +28,8 @@ void SinglePassIntegrator::run(const WorkUnit& unit, const std::vector<Progressi
     for_each_tile(Tile{part.x0, part.y0, part.x1, part.y1}, sums, [&](const Tile& tile, TileFigures& figures) {
       for (int y = tile.y0; y < tile.y1; ++y) {
         for (int x = tile.x0; x < tile.x1; ++x) {
-          const std::size_t i = static_cast<std::size_t>(y) * static_cast<std::size_t>(film_.width) + static_cast<std::size_t>(x);
+          const std::size_t i =
+              static_cast<std::size_t>(y) * static_cast<std::size_t>(film_.width) + static_cast<std::size_t>(x);
           Tally tally(sums.pixels[i], &sums.extras[i], film_.scale, figures.faults);
           render({x, y, part.sample, tally, part.sample < kFeatureSubPasses ? &sums.features[i] : nullptr, figures});
           tally.commit();

@@ -23,9 +23,9 @@ struct PixelTarget {
 /// Film of a method whose pixels are plain means of samples.
 [[nodiscard]] FilmOptions film_of_samples(const Scene& scene, const JobSpec& spec, Extra extra);
 
-/// What the methods of photon mapping before its progressive forms have in common: structures made once from the scene (photon
-/// maps, caches), then eye samples that read them. A sub-pass is a tile of the image (PassOrder), so that a farm gives tiles to
-/// workers; each worker makes the structures from the same seeds, and they are the same to the bit.
+/// What the methods of photon mapping before its progressive forms have in common: structures made once from the scene
+/// (photon maps, caches), then eye samples that read them. A sub-pass is a tile of the image (PassOrder), so that a
+/// farm gives tiles to workers; each worker makes the structures from the same seeds, and they are the same to the bit.
 class SinglePassIntegrator : public Integrator {
  public:
   [[nodiscard]] FilmOptions film_options() const override { return film_; }
@@ -46,8 +46,8 @@ class SinglePassIntegrator : public Integrator {
   int max_depth_;
 };
 
-/// Sends what an eye path meets to the layers of the four-part split [Jensen 1996, 4]: what is seen through a sharp reflection or
-/// refraction is specular, the rest direct, caustics or indirect. `Method` brings
+/// Sends what an eye path meets to the layers of the four-part split [Jensen 1996, 4]: what is seen through a sharp
+/// reflection or refraction is specular, the rest direct, caustics or indirect. `Method` brings
 ///   void gather(const Vertex&, const Rgb& beta, const Vec2f& u, const EyeWalk&, Layers& to)
 /// and adds light that arrives by more than one segment to `to`.
 template <typename Method>

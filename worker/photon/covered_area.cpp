@@ -22,7 +22,8 @@ bool stores_photons(const Scene& scene, const SurfacePoint& point, const Vec3f& 
   return !bsdf.is_black() && !bsdf.is_delta_only();
 }
 
-/// Where the probes go in a disc of radius 1: the golden angle apart along Vogel's spiral, sixteen or more directions of it.
+/// Where the probes go in a disc of radius 1: the golden angle apart along Vogel's spiral, sixteen or more directions
+/// of it.
 struct Spiral {
   static constexpr std::size_t kMost = 2 * kProbes;
   alignas(32) std::array<float, kMost> cosine, sine;
@@ -38,9 +39,9 @@ const Spiral kSpiral;
 
 Vec3x8 eight(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
 
-/// Probes into the disc of a query, eight at once. Each goes from `eye`, above the hit point, to a point a little above the
-/// disc, where walls may stop it, and from there straight down: a slanted one alone would pass over ground that falls away,
-/// as on a ball of a few disc radii.
+/// Probes into the disc of a query, eight at once. Each goes from `eye`, above the hit point, to a point a little above
+/// the disc, where walls may stop it, and from there straight down: a slanted one alone would pass over ground that
+/// falls away, as on a ball of a few disc radii.
 class Probes {
  public:
   Probes(const Scene& scene, const DiscQuery& query, float radius, const Vec3f& eye, float lift)
@@ -84,8 +85,8 @@ class Probes {
 
 }  // namespace
 
-Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const DiscQuery& query,
-                          const Vec2f& u, std::uint64_t& rays, int probes) {
+Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const DiscQuery& query, const Vec2f& u,
+                          std::uint64_t& rays, int probes) {
   const float radius = std::sqrt(query.radius2);
   const Frame frame = Frame::from_normal(query.normal);
   const Vec3f start = offset_past(point, query.normal);
@@ -134,8 +135,7 @@ float distance_on_surface(const GatherDisc& middle, const GatherDisc& disc) {
   const Vec3f d = disc.query.position - middle.query.position;
   const float radius2 = middle.query.radius2;
   const float height = dot(d, middle.query.normal);
-  const bool near = length2(d) <= kReach * kReach * radius2 &&
-                    height * height <= kMaxHeight * kMaxHeight * radius2 &&
+  const bool near = length2(d) <= kReach * kReach * radius2 && height * height <= kMaxHeight * kMaxHeight * radius2 &&
                     dot(disc.query.normal, middle.query.normal) >= kMinCosine;
   return near ? length(d) : kInfinity;
 }
@@ -170,8 +170,7 @@ void find_covered_radii(const Scene& scene, std::span<GatherDisc> discs, std::ui
       const float radius = std::sqrt(disc.query.radius2);
       const bool whole = distance_on_surface(middle, disc) + radius <= safe;
       disc.covered_radius =
-          whole ? kInfinity
-                : safe_distance(measure_coverage(scene, disc.point, disc.query, disc.u, rays), radius);
+          whole ? kInfinity : safe_distance(measure_coverage(scene, disc.point, disc.query, disc.u, rays), radius);
     }
   }
 }

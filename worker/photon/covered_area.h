@@ -34,9 +34,8 @@ struct Coverage {
 struct GatherDisc {
   SurfacePoint point;
   DiscQuery query;
-  Vec2f u;  ///< turns and shifts the probes
-  float covered_radius =
-      0;  ///< result [m]: discs around this point up to this radius lie whole on the surface
+  Vec2f u;                   ///< turns and shifts the probes
+  float covered_radius = 0;  ///< result [m]: discs around this point up to this radius lie whole on the surface
 };
 /// Finds the covered radius of every disc; infinite where no gap was found. Discs side by side on one surface
 /// are judged by a single wider one around them all, and each by itself only where that one meets a gap.

@@ -14,7 +14,7 @@ template <typename V>
 struct QueryLanes {
   typename V::Float px, py, pz, nx, ny, nz, radius2, plane, cosine;
   const DiscQuery& query;
-  std::uint32_t seen_normal = PhotonTree::kMixedNormals;   ///< of the last block, and whether its photons face the query
+  std::uint32_t seen_normal = PhotonTree::kMixedNormals;  ///< of the last block, and whether its photons face the query
   bool faces = false;
 
   explicit QueryLanes(const DiscQuery& q)
@@ -74,9 +74,9 @@ constexpr std::size_t kMostListed = 512;
 /// Room for what is appended past the end before it is counted.
 using BlockList = std::array<std::uint32_t, kMostListed + 3 * PhotonTree::kWidth>;
 
-/// Lists all blocks whose box meets the ball, in ascending order, and returns their number; or more than kMostListed when they
-/// are too many. Level by level, two nodes at a time and without a branch on what they hold: a query of some ten blocks would
-/// spend more on branches that go the unexpected way than on its arithmetic.
+/// Lists all blocks whose box meets the ball, in ascending order, and returns their number; or more than kMostListed
+/// when they are too many. Level by level, two nodes at a time and without a branch on what they hold: a query of some
+/// ten blocks would spend more on branches that go the unexpected way than on its arithmetic.
 template <typename V>
 std::size_t list_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, BlockList& list) {
   constexpr auto kWidth = static_cast<std::uint32_t>(PhotonTree::kWidth);
@@ -112,8 +112,8 @@ void walk_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& vis
   // 16^9 is more than 32 bits can index.
   constexpr std::size_t kMaxLevels = 9;
   const auto& levels = tree.levels();
-  std::uint32_t pending[kMaxLevels];   // boxes of the level's current node yet to be entered
-  std::size_t first[kMaxLevels];       // index of that node's first box
+  std::uint32_t pending[kMaxLevels];  // boxes of the level's current node yet to be entered
+  std::size_t first[kMaxLevels];      // index of that node's first box
   std::size_t depth = levels.size() - 1;
   std::size_t node = 0;
   while (true) {
@@ -133,8 +133,8 @@ void walk_blocks(const PhotonTree& tree, const QueryLanes<V>& lanes, Visit&& vis
   }
 }
 
-/// A list for several queries reaches so many times as far as the first of them: a wider one serves more of them and holds
-/// more boxes for each to test.
+/// A list for several queries reaches so many times as far as the first of them: a wider one serves more of them and
+/// holds more boxes for each to test.
 constexpr float kReachOfRadii = 2.25f;
 /// Sums of a distance and a radius round; boxes at the very edge of the list must not be missed.
 constexpr float kReachMargin = 0.9999f;
@@ -145,7 +145,8 @@ inline bool reaches(const NearbyBlocks& nearby, const DiscQuery& query, float ra
   return length(query.position - nearby.centre) + radius <= kReachMargin * nearby.reach;
 }
 
-/// Where the next queries will be looked for: ahead, as far as still leaves this one in reach, if it is a small step from the last.
+/// Where the next queries will be looked for: ahead, as far as still leaves this one in reach, if it is a small step
+/// from the last.
 inline Vec3f centre_ahead(const NearbyBlocks& nearby, const DiscQuery& query, float radius) {
   constexpr float kSmallStep = 2.0f;  // times what was reached
   constexpr float kInReach = 0.9f;

@@ -24,10 +24,9 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate) 
   record.irradiance = estimate.irradiance;
   record.rotation = estimate.rotation;
   record.translation = estimate.translation;
-  const Vec3f steepest{
-      luminance({estimate.translation[0].x, estimate.translation[1].x, estimate.translation[2].x}),
-      luminance({estimate.translation[0].y, estimate.translation[1].y, estimate.translation[2].y}),
-      luminance({estimate.translation[0].z, estimate.translation[1].z, estimate.translation[2].z})};
+  const Vec3f steepest{luminance({estimate.translation[0].x, estimate.translation[1].x, estimate.translation[2].x}),
+                       luminance({estimate.translation[0].y, estimate.translation[1].y, estimate.translation[2].y}),
+                       luminance({estimate.translation[0].z, estimate.translation[1].z, estimate.translation[2].z})};
   const float slope = length(steepest);
   float radius = estimate.harmonic_distance;
   if (slope > 0.0f) radius = std::min(radius, luminance(estimate.irradiance) / slope);
@@ -38,13 +37,9 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate) 
 }
 
 IrradianceCache::IrradianceCache(const Box3f& bounds, float error)
-    : nodes_(1),
-      centre_(bounds.center()),
-      edge_(std::max(max_component(bounds.size()), 1e-30f)),
-      error_(error) {}
+    : nodes_(1), centre_(bounds.center()), edge_(std::max(max_component(bounds.size()), 1e-30f)), error_(error) {}
 
-float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal,
-                              float error) {
+float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal, float error) {
   const Vec3f offset = position - record.position;
   const float reach = error * record.radius;
   const float distance2 = length2(offset);
@@ -58,8 +53,7 @@ float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& posit
   return 1.0f / std::max(estimated, kLeastError) - 1.0f / error;
 }
 
-std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec3f& normal,
-                                                float tightness) const {
+std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec3f& normal, float tightness) const {
   const float error = error_ * tightness;
   Rgb sum{0, 0, 0};
   float weights = 0.0f;
@@ -74,8 +68,8 @@ std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec
       sum += Rgb{std::max(value.x, 0.0f), std::max(value.y, 0.0f), std::max(value.z, 0.0f)} * w;
       weights += w;
     }
-    const unsigned octant = (position.x >= cell.centre.x ? 1u : 0u) |
-                            (position.y >= cell.centre.y ? 2u : 0u) | (position.z >= cell.centre.z ? 4u : 0u);
+    const unsigned octant = (position.x >= cell.centre.x ? 1u : 0u) | (position.y >= cell.centre.y ? 2u : 0u) |
+                            (position.z >= cell.centre.z ? 4u : 0u);
     const std::uint32_t next = nodes_[cell.node].children[octant];
     if (next == kNone) break;
     cell = child(cell, octant, next);
@@ -134,8 +128,7 @@ void IrradianceCache::clamp_to_neighbours(IrradianceRecord& record) {
     near.insert(near.end(), nodes_[cell.node].records.begin(), nodes_[cell.node].records.end());
     for (unsigned octant = 0; octant < 8; ++octant) {
       const std::uint32_t next = nodes_[cell.node].children[octant];
-      if (next != kNone && reaches(cell, octant, record.position, within))
-        pending.push_back(child(cell, octant, next));
+      if (next != kNone && reaches(cell, octant, record.position, within)) pending.push_back(child(cell, octant, next));
     }
   }
   const auto bounds = [&](const IrradianceRecord& a, const IrradianceRecord& b) {
@@ -150,8 +143,8 @@ void IrradianceCache::clamp_to_neighbours(IrradianceRecord& record) {
   for (const std::uint32_t index : near) {
     IrradianceRecord& other = records_[index];
     if (!bounds(record, other)) continue;
-    other.radius = std::max(other.least,
-                            std::min(other.radius, record.radius + length(record.position - other.position)));
+    other.radius =
+        std::max(other.least, std::min(other.radius, record.radius + length(record.position - other.position)));
   }
 }
 

@@ -50,8 +50,8 @@ class IrradianceCache {
   [[nodiscard]] std::optional<Rgb> interpolate(const Vec3f& position, const Vec3f& normal,
                                                float tightness = 1.0f) const;
   /// Weight of one record [Ward 1988, (4), less 1/a, so that it fades out]: 0 where it does not count.
-  [[nodiscard]] static float weight(const IrradianceRecord& record, const Vec3f& position,
-                                    const Vec3f& normal, float error);
+  [[nodiscard]] static float weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal,
+                                    float error);
 
   [[nodiscard]] const std::vector<IrradianceRecord>& records() const { return records_; }
   [[nodiscard]] float error() const { return error_; }

@@ -206,9 +206,9 @@ Result<IrradianceFile> parse_irradiance_file(std::string_view bytes, std::string
   const std::string_view content = bytes.substr(0, bytes.size() - sizeof(checksum));
   std::memcpy(&checksum, bytes.data() + content.size(), sizeof(checksum));
   if (checksum != xxh3_64(content)) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: byte {}: wrong checksum; expected the file as it was written", origin,
-                            content.size()));
+    return fail(
+        ErrorKind::kInvalidInput,
+        fmt::format("{}: byte {}: wrong checksum; expected the file as it was written", origin, content.size()));
   }
   Reader in(content, origin);
   for (std::size_t i = 0; i < kMagic.size(); ++i) static_cast<void>(in.take<char>());

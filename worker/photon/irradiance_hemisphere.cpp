@@ -22,8 +22,7 @@ struct Blocks {
         nearness(radiance.size(), 0.0f) {
     constexpr float kPart = 1.0f / static_cast<float>(kBlock * kBlock);
     for (std::uint32_t cell = 0; cell < samples.grid.cells(); ++cell) {
-      const std::uint32_t ring = cell / samples.grid.sectors / kBlock,
-                          sector = cell % samples.grid.sectors / kBlock;
+      const std::uint32_t ring = cell / samples.grid.sectors / kBlock, sector = cell % samples.grid.sectors / kBlock;
       const std::size_t block = index(ring, sector);
       radiance[block] += samples.radiance[cell] * kPart;
       nearness[block] += kPart / samples.distance[cell];
@@ -46,8 +45,7 @@ RgbGradient translation_gradient(const Blocks& blocks) {
   const auto rings = static_cast<float>(blocks.rings), sectors = static_cast<float>(blocks.sectors);
   RgbGradient gradient = kNoChange;
   const auto crossing = [&](std::size_t to, std::size_t from) {
-    return (blocks.radiance[to] - blocks.radiance[from]) *
-           std::max(blocks.nearness[to], blocks.nearness[from]);
+    return (blocks.radiance[to] - blocks.radiance[from]) * std::max(blocks.nearness[to], blocks.nearness[from]);
   };
   for (std::uint32_t sector = 0; sector < blocks.sectors; ++sector) {
     const Vec3f middle = horizontal(2.0f * kPi * (static_cast<float>(sector) + 0.5f) / sectors);
@@ -103,8 +101,9 @@ HemisphereGrid HemisphereGrid::of_rays(int rays) {
 }
 
 Vec3f HemisphereGrid::direction(std::uint32_t cell, const Vec2f& u) const {
-  const float sin2 = (static_cast<float>(cell / sectors) + u.x) / static_cast<float>(rings);
-  const float phi = 2.0f * kPi * (static_cast<float>(cell % sectors) + u.y) / static_cast<float>(sectors);
+  const std::uint32_t ring = cell / sectors, sector = cell % sectors;
+  const float sin2 = (static_cast<float>(ring) + u.x) / static_cast<float>(rings);
+  const float phi = 2.0f * kPi * (static_cast<float>(sector) + u.y) / static_cast<float>(sectors);
   const float sine = std::sqrt(sin2);
   return {sine * std::cos(phi), sine * std::sin(phi), std::sqrt(std::max(0.0f, 1.0f - sin2))};
 }

@@ -41,9 +41,8 @@ struct HemisphereSamples {
 
 /// Irradiance and how it changes when the surface turns or moves.
 struct IrradianceEstimate {
-  Rgb irradiance{0, 0, 0};  ///< W m^-2
-  RgbGradient rotation =
-      kNoChange;  ///< per radian: E changes by dot(rotation, n x n') when the normal n becomes n'
+  Rgb irradiance{0, 0, 0};              ///< W m^-2
+  RgbGradient rotation = kNoChange;     ///< per radian: E changes by dot(rotation, n x n') when the normal n becomes n'
   RgbGradient translation = kNoChange;  ///< per metre, in the tangent plane
   float harmonic_distance = 0;          ///< metres; kInfinity under an open sky
 };

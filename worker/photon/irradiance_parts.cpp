@@ -69,17 +69,16 @@ void add_texture(Content& content, const TextureRef& ref, const std::vector<std:
 void add_material(Content& content, const Material& m, const std::vector<std::string>& textures) {
   for (const Rgb& color : {m.base_color, m.emission, m.specular_color, m.attenuation_color, m.sheen_color})
     content.add(color);
-  for (const float value : {m.alpha, m.metallic, m.roughness, m.normal_scale, m.alpha_cutoff, m.ior,
-                            m.specular, m.transmission, m.thickness, m.attenuation_distance, m.clearcoat,
-                            m.clearcoat_roughness, m.clearcoat_normal_scale, m.sheen_roughness}) {
+  for (const float value : {m.alpha, m.metallic, m.roughness, m.normal_scale, m.alpha_cutoff, m.ior, m.specular,
+                            m.transmission, m.thickness, m.attenuation_distance, m.clearcoat, m.clearcoat_roughness,
+                            m.clearcoat_normal_scale, m.sheen_roughness}) {
     content.add(value);
   }
   content.add(m.alpha_mode), content.add(m.double_sided), content.add(m.unlit);
-  for (const TextureRef* ref :
-       {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture, &m.emission_texture,
-        &m.specular_texture, &m.specular_color_texture, &m.transmission_texture, &m.clearcoat_texture,
-        &m.clearcoat_roughness_texture, &m.clearcoat_normal_texture, &m.sheen_color_texture,
-        &m.sheen_roughness_texture}) {
+  for (const TextureRef* ref : {&m.base_color_texture, &m.metallic_roughness_texture, &m.normal_texture,
+                                &m.emission_texture, &m.specular_texture, &m.specular_color_texture,
+                                &m.transmission_texture, &m.clearcoat_texture, &m.clearcoat_roughness_texture,
+                                &m.clearcoat_normal_texture, &m.sheen_color_texture, &m.sheen_roughness_texture}) {
     add_texture(content, *ref, textures);
   }
 }
@@ -92,8 +91,7 @@ ScenePart part_of(const SceneDescription& scene, const MeshInstance& instance,
   const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
   Content content;
   content.add(instance.object_to_world);
-  content.add(mesh.positions), content.add(mesh.normals), content.add(mesh.tangents),
-      content.add(mesh.colors);
+  content.add(mesh.positions), content.add(mesh.normals), content.add(mesh.tangents), content.add(mesh.colors);
   for (const auto& set : mesh.uv) content.add(set);
   content.add(mesh.triangles);
   add_material(content, material, textures);
@@ -115,8 +113,7 @@ ScenePart part_of(const SceneDescription& scene, const MeshInstance& instance,
 
 ScenePart part_of(const PunctualLight& light) {
   Content content;
-  content.add(light.kind), content.add(light.intensity), content.add(light.position),
-      content.add(light.direction);
+  content.add(light.kind), content.add(light.intensity), content.add(light.position), content.add(light.direction);
   content.add(light.cos_inner), content.add(light.cos_outer);
   ScenePart part;
   part.hash = content.hash();

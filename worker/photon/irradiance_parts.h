@@ -26,17 +26,15 @@ struct ScenePart {
 
 /// What differs between two scenes.
 struct SceneChange {
-  std::vector<Box3f> boxes;  ///< of parts that are gone or new, a little enlarged; a moved part has two
+  std::vector<Box3f> boxes;            ///< of parts that are gone or new, a little enlarged; a moved part has two
   std::vector<ScenePart> gone_lights;  ///< parts that shone and are gone
   bool everywhere = false;             ///< a light from outside the scene changed
   [[nodiscard]] bool empty() const { return boxes.empty() && !everywhere; }
   [[nodiscard]] bool holds(const Vec3f& point) const;
   /// Whether the segment origin + t * direction, t in (0, length), passes one of the boxes; the first `t`
   /// inside of one goes to `enter`.
-  [[nodiscard]] bool crossed(const Vec3f& origin, const Vec3f& direction, float length,
-                             float* enter = nullptr) const;
+  [[nodiscard]] bool crossed(const Vec3f& origin, const Vec3f& direction, float length, float* enter = nullptr) const;
 };
-[[nodiscard]] SceneChange change_between(const std::vector<ScenePart>& before,
-                                         const std::vector<ScenePart>& after);
+[[nodiscard]] SceneChange change_between(const std::vector<ScenePart>& before, const std::vector<ScenePart>& after);
 
 }  // namespace pf

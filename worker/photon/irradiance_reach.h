@@ -11,9 +11,7 @@
 namespace pf {
 
 /// A float's upper half: 8 bits of mantissa.
-[[nodiscard]] inline float unpack_half(std::uint16_t bits) {
-  return std::bit_cast<float>(std::uint32_t{bits} << 16);
-}
+[[nodiscard]] inline float unpack_half(std::uint16_t bits) { return std::bit_cast<float>(std::uint32_t{bits} << 16); }
 /// The least such number that is not below a non-negative `value`; infinity stays.
 [[nodiscard]] inline std::uint16_t pack_half_up(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);

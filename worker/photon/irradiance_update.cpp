@@ -60,8 +60,7 @@ class ChangedLight::Walk {
     ++rays_;
     const auto hit = scene_.intersect(photon.ray);
     float enter = kInfinity;
-    const bool crosses =
-        change_.crossed(photon.ray.origin, photon.ray.direction, hit ? hit->t : kInfinity, &enter);
+    const bool crosses = change_.crossed(photon.ray.origin, photon.ray.direction, hit ? hit->t : kInfinity, &enter);
     if (crosses && !photon.changed) {
       photon.changed = true;
       // In the other scene something else may stand here.
@@ -95,8 +94,7 @@ class ChangedLight::Walk {
     const float u_lobe = rng_.next1();
     const auto next = bsdf.sample(wo, u_lobe, rng_.next2(), Transport::kFlux);
     if (!next) return;
-    const float survival =
-        std::min(1.0f, max_component(photon.flux * next->weight) / max_component(photon.flux));
+    const float survival = std::min(1.0f, max_component(photon.flux * next->weight) / max_component(photon.flux));
     if (!(survival > 0.0f) || rng_.next1() >= survival) return;
     photon.flux *= next->weight / survival;
     if (next->refracted) photon.media.cross(point.material, entering);
@@ -128,14 +126,12 @@ ChangedLight::ChangedLight(const Scene& scene, const SceneChange& change, int ma
   unit_ = flux * kFluxStep;
   if (!(unit_ > 0.0f)) return;
   trace_lamps(max_depth, seed);
-  for (std::size_t i = 0; i < change.gone_lights.size(); ++i)
-    trace_gone(change.gone_lights[i], i, max_depth, seed);
+  for (std::size_t i = 0; i < change.gone_lights.size(); ++i) trace_gone(change.gone_lights[i], i, max_depth, seed);
 }
 
 std::size_t ChangedLight::cell(const Vec3f& point) const {
   const auto along = [&](int axis) {
-    return static_cast<std::size_t>(
-        std::clamp((point[axis] - bounds_.min[axis]) / edge_, 0.0f, kCubes - 1.0f));
+    return static_cast<std::size_t>(std::clamp((point[axis] - bounds_.min[axis]) / edge_, 0.0f, kCubes - 1.0f));
   };
   constexpr auto kRow = static_cast<std::size_t>(kCubes);
   return (along(2) * kRow + along(1)) * kRow + along(0);
@@ -160,8 +156,7 @@ void ChangedLight::trace_lamps(int max_depth, std::uint64_t seed) {
                     .flux = picked->emission.flux / static_cast<float>(kPaths),
                     .media = {}};
       if (picked->triangle >= 0) {
-        photon.flux *=
-            scene_.emission_ratio(static_cast<std::uint32_t>(picked->triangle), picked->barycentric);
+        photon.flux *= scene_.emission_ratio(static_cast<std::uint32_t>(picked->triangle), picked->barycentric);
       }
       if (scene_.any_medium()) photon.media = MediumStack(scene_.media_around(photon.ray.origin));
       if (max_component(photon.flux) > 0.0f) Walk(*this, rng, max_depth).follow(photon);
@@ -178,10 +173,8 @@ void ChangedLight::trace_gone(const ScenePart& lamp, std::uint64_t index, int ma
       const Vec2f xy = rng.next2();
       const Vec3f origin = lamp.bounds.min + Vec3f{size.x * xy.x, size.y * xy.y, size.z * rng.next1()};
       const Vec3f direction = Frame::from_normal(lamp.axis).to_world(sample_cone(rng.next2(), lamp.cosine));
-      Photon photon{.ray = {origin, direction},
-                    .flux = lamp.flux / static_cast<float>(kGonePaths),
-                    .media = {},
-                    .changed = true};
+      Photon photon{
+          .ray = {origin, direction}, .flux = lamp.flux / static_cast<float>(kGonePaths), .media = {}, .changed = true};
       if (scene_.any_medium()) photon.media = MediumStack(scene_.media_around(origin));
       Walk(*this, rng, max_depth).follow(photon);
     }

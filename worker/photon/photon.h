@@ -40,17 +40,18 @@ inline constexpr float kNormalSteps = 127.0f;
 /// Normal in three signed bytes.
 [[nodiscard]] inline std::uint32_t pack_normal(const Vec3f& n) {
   const auto byte = [](float x) {
-    return static_cast<std::uint32_t>(static_cast<std::uint8_t>(static_cast<std::int8_t>(std::lrint(x * kNormalSteps))));
+    return static_cast<std::uint32_t>(
+        static_cast<std::uint8_t>(static_cast<std::int8_t>(std::lrint(x * kNormalSteps))));
   };
   return byte(n.x) | (byte(n.y) << 8) | (byte(n.z) << 16);
 }
 
 /// A photon where it was stored, half a cache line.
 struct alignas(32) Photon {
-  Vec3f position;            ///< [m]
-  Rgb flux;                  ///< in units of the mean flux of an emitted path (PhotonTracer)
-  std::uint32_t direction;   ///< packed, towards where the photon came from
-  std::uint32_t normal;      ///< packed geometric normal, on the side that the photon came from
+  Vec3f position;           ///< [m]
+  Rgb flux;                 ///< in units of the mean flux of an emitted path (PhotonTracer)
+  std::uint32_t direction;  ///< packed, towards where the photon came from
+  std::uint32_t normal;     ///< packed geometric normal, on the side that the photon came from
 
   friend bool operator==(const Photon&, const Photon&) = default;
 };

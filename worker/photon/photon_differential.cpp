@@ -12,7 +12,9 @@ constexpr float kLeastCosine = 0.02f;
 
 Vec3f across(const Vec3f& v, const Vec3f& unit) { return v - unit * dot(v, unit); }
 
-float clear_of_zero(float cosine) { return std::abs(cosine) > kLeastCosine ? cosine : std::copysign(kLeastCosine, cosine); }
+float clear_of_zero(float cosine) {
+  return std::abs(cosine) > kLeastCosine ? cosine : std::copysign(kLeastCosine, cosine);
+}
 
 /// Root of one over a density: the edge of the square that one unit of random numbers covers.
 float edge(float pdf) { return pdf > 0.0f ? 1.0f / std::sqrt(pdf) : 0.0f; }
@@ -37,12 +39,14 @@ Matrix4 root_of(const Matrix4& m) {
 
 }  // namespace
 
-PhotonDifferential PhotonDifferential::emitted(const Vec3f& direction, const Vec3f& plane_normal, float pdf_a, float pdf_w) {
+PhotonDifferential PhotonDifferential::emitted(const Vec3f& direction, const Vec3f& plane_normal, float pdf_a,
+                                               float pdf_w) {
   PhotonDifferential d;
   d.ray_ = direction;
   const Frame plane = Frame::from_normal(plane_normal);
   const Frame ray = Frame::from_normal(direction);
-  d.position_ = {across(plane.t * edge(pdf_a), direction), across(plane.b * edge(pdf_a), direction), Vec3f(0.0f), Vec3f(0.0f)};
+  d.position_ = {across(plane.t * edge(pdf_a), direction), across(plane.b * edge(pdf_a), direction), Vec3f(0.0f),
+                 Vec3f(0.0f)};
   d.direction_ = {Vec3f(0.0f), Vec3f(0.0f), ray.t * edge(pdf_w), ray.b * edge(pdf_w)};
   return d;
 }
@@ -77,8 +81,8 @@ void PhotonDifferential::reflect(const Vec3f& ng, const Vec3f& normal, const Sur
   leave(to);
 }
 
-void PhotonDifferential::refract(const Vec3f& ng, const Vec3f& normal, const SurfaceShape& shape, float eta_i, float eta_t,
-                                 const Vec3f& to) {
+void PhotonDifferential::refract(const Vec3f& ng, const Vec3f& normal, const SurfaceShape& shape, float eta_i,
+                                 float eta_t, const Vec3f& to) {
   meet(ng);
   const float side = dot(ng, normal) < 0.0f ? -1.0f : 1.0f;
   const float eta = eta_i / eta_t;

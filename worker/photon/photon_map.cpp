@@ -41,8 +41,7 @@ unsigned widest_axis(std::span<const Key> keys) {
 /// Builds the subtree of node `node` from `keys`; below a size where threads no longer help, on one.
 class Balancer {
  public:
-  Balancer(std::vector<std::uint32_t>& source, std::vector<std::uint8_t>& axes)
-      : source_(source), axes_(axes) {}
+  Balancer(std::vector<std::uint32_t>& source, std::vector<std::uint8_t>& axes) : source_(source), axes_(axes) {}
 
   void build(std::span<Key> keys, std::size_t node) {
     if (keys.empty()) return;
@@ -54,8 +53,7 @@ class Balancer {
     const std::size_t left = left_size(keys.size());
     const auto middle = keys.begin() + static_cast<std::ptrdiff_t>(left);
     std::nth_element(keys.begin(), middle, keys.end(), [axis](const Key& a, const Key& b) {
-      return a.position[axis] < b.position[axis] ||
-             (a.position[axis] == b.position[axis] && a.photon < b.photon);
+      return a.position[axis] < b.position[axis] || (a.position[axis] == b.position[axis] && a.photon < b.photon);
     });
     place(*middle, node, axis);
     const auto lower = keys.first(left), upper = keys.subspan(left + 1);
@@ -78,9 +76,7 @@ class Balancer {
 };
 
 StoredPhoton make_stored(const Photon& photon, std::uint32_t number, unsigned axis) {
-  const auto byte = [&](int k) {
-    return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k)));
-  };
+  const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k))); };
   const Vec3f normal = normalize({byte(0), byte(1), byte(2)});
   StoredPhoton stored;
   stored.position = {photon.position.x, photon.position.y, photon.position.z};

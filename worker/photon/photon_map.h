@@ -51,9 +51,7 @@ class PhotonMap {
   [[nodiscard]] bool empty() const { return count_ == 0; }
   /// Photon of node `index`, from 1 to size().
   [[nodiscard]] const StoredPhoton& photon(std::uint32_t index) const { return photons_[index]; }
-  [[nodiscard]] std::span<const StoredPhoton> photons() const {
-    return std::span(photons_).subspan(empty() ? 0 : 1);
-  }
+  [[nodiscard]] std::span<const StoredPhoton> photons() const { return std::span(photons_).subspan(empty() ? 0 : 1); }
   [[nodiscard]] std::size_t bytes() const { return photons_.size() * sizeof(StoredPhoton); }
   /// What queries need besides.
   [[nodiscard]] std::size_t search_bytes() const { return bricks_.bytes(); }

@@ -15,8 +15,7 @@ MapBricks::MapBricks(std::span<const StoredPhoton> nodes) {
   std::size_t bricks = 0;
   // The first brick takes what four does not divide: those of the last level, nearly all, are full. Their
   // roots all exist, since no level of the tree but the last is ragged.
-  for (unsigned above = 0, height = (depth - 1) % kHeight + 1; above < depth;
-       above += height, height = kHeight) {
+  for (unsigned above = 0, height = (depth - 1) % kHeight + 1; above < depth; above += height, height = kHeight) {
     if (!levels_.empty()) height = kHeight;
     levels_.push_back({bricks, std::uint32_t{1} << above, height});
     bricks += std::size_t{1} << above;

@@ -50,18 +50,13 @@ class MapBricks {
   [[nodiscard]] const Brick& brick(std::size_t index) const { return bricks_[index]; }
   /// Of a brick above the last level.
   [[nodiscard]] const Boxes& boxes(std::size_t index) const { return boxes_[index]; }
-  [[nodiscard]] std::size_t bytes() const {
-    return bricks_.size() * sizeof(Brick) + boxes_.size() * sizeof(Boxes);
-  }
+  [[nodiscard]] std::size_t bytes() const { return bricks_.size() * sizeof(Brick) + boxes_.size() * sizeof(Boxes); }
   /// Squared radius of a disc that holds so many photons where they are spread evenly over the map's square
   /// [m^2].
-  [[nodiscard]] float even_radius2(std::uint32_t photons) const {
-    return area_of_one_ * static_cast<float>(photons);
-  }
+  [[nodiscard]] float even_radius2(std::uint32_t photons) const { return area_of_one_ * static_cast<float>(photons); }
 
  private:
-  void fill(std::size_t level, std::size_t i, std::span<const StoredPhoton> nodes,
-            std::vector<Box3f>& bounds);
+  void fill(std::size_t level, std::size_t i, std::span<const StoredPhoton> nodes, std::vector<Box3f>& bounds);
 
   std::vector<Level> levels_;
   std::vector<Brick> bricks_;  ///< level by level

@@ -56,9 +56,8 @@ Rgb weighted_flux(const PhotonMap& map, const NearestPhotons& found, const Weigh
   for (std::size_t i = 0; i < found.count; i += 8) {
     const auto left = static_cast<int>(found.count - i);
     const __m256i used = _mm256_cmpgt_epi32(_mm256_set1_epi32(left), lane);
-    const __m256i index =
-        _mm256_and_si256(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(found.index.data() + i)),
-                         used);  // 0 where there is none: a photon
+    const __m256i index = _mm256_and_si256(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(found.index.data() + i)),
+                                           used);  // 0 where there is none: a photon
     const __m256i word = _mm256_add_epi32(_mm256_slli_epi32(index, 2), index);
     const __m256i rgbe = _mm256_i32gather_epi32(words + 3, word, 4);
     // 2^(e - 136) from its bits; e = 0 stands for black, whose mantissas are 0 as well.

@@ -30,8 +30,7 @@ class MapFilter {
   /// Sum over the photons of f * flux * scatter(direction the photon came from) / (pi r^2): what a surface
   /// scatters.
   template <typename Scatter>
-  [[nodiscard]] Rgb scattered(const PhotonMap& map, const NearestPhotons& found,
-                              const Scatter& scatter) const {
+  [[nodiscard]] Rgb scattered(const PhotonMap& map, const NearestPhotons& found, const Scatter& scatter) const {
     Rgb sum{0.0f, 0.0f, 0.0f};
     const float inverse = 1.0f / found.radius2;
     for (std::size_t i = 0; i < found.count; ++i) {

@@ -50,8 +50,7 @@ struct Avx2 {
   /// `size`, never negative, with the sign of `v`.
   static Float with_sign_of(Float size, Float v) {
     const __m256 sign = _mm256_set1_ps(-0.0f);
-    return {_mm256_or_ps(size.low, _mm256_and_ps(v.low, sign)),
-            _mm256_or_ps(size.high, _mm256_and_ps(v.high, sign))};
+    return {_mm256_or_ps(size.low, _mm256_and_ps(v.low, sign)), _mm256_or_ps(size.high, _mm256_and_ps(v.high, sign))};
   }
   template <int kCompare>
   static Float compare(Float a, Float b) {
@@ -81,8 +80,7 @@ struct Avx2 {
   }
   static void load_octahedral(const std::uint16_t* packed, Float& u, Float& v) {
     const auto half = [&](std::size_t first, __m256& of_u, __m256& of_v) {
-      const __m256i both =
-          _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(packed + first)));
+      const __m256i both = _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(packed + first)));
       of_u = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(127)));
       of_v = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 7));
     };
@@ -112,8 +110,7 @@ struct Avx2 {
     const auto half = [&](__m256i below, __m256i place) {
       return _mm256_add_epi32(_mm256_sllv_epi32(at, below), place);
     };
-    append(to, bits,
-           half(_mm256_setr_epi32(0, 1, 1, 2, 2, 2, 2, 3), _mm256_setr_epi32(0, 0, 1, 0, 1, 2, 3, 0)),
+    append(to, bits, half(_mm256_setr_epi32(0, 1, 1, 2, 2, 2, 2, 3), _mm256_setr_epi32(0, 0, 1, 0, 1, 2, 3, 0)),
            half(_mm256_setr_epi32(3, 3, 3, 3, 3, 3, 3, 4), _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 0)));
   }
 
@@ -121,8 +118,7 @@ struct Avx2 {
   /// Numbers of the lanes that are set, ascending.
   static __m256i lanes(std::uint32_t bits) {
     const std::uint64_t bytes = _pdep_u64(bits, 0x0101010101010101u) * 0xFFu;
-    return _mm256_cvtepu8_epi32(
-        _mm_cvtsi64_si128(static_cast<long long>(_pext_u64(0x0706050403020100u, bytes))));
+    return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(_pext_u64(0x0706050403020100u, bytes))));
   }
   template <typename F>
   static float reduce(Float a, const F& f) {
@@ -147,8 +143,7 @@ const MapKernels& brick_kernels(PhotonTree::Isa isa) {
 }
 }  // namespace
 
-float kth_between(const float* values, std::size_t count, float low, float high, bool with_low,
-                  std::size_t k) {
+float kth_between(const float* values, std::size_t count, float low, float high, bool with_low, std::size_t k) {
   thread_local std::vector<float> between;
   between.clear();
   std::copy_if(values, values + count, std::back_inserter(between),

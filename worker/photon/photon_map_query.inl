@@ -97,13 +97,11 @@ class BrickWalk {
   [[nodiscard]] std::uint32_t children(std::size_t index, const MapBricks::Level& next, unsigned height,
                                        std::uint32_t first) const {
     const std::uint32_t exist = (std::uint32_t{1} << (1u << height)) - 1u;
-    const std::uint32_t bits =
-        exist & V::not_above(distance2_of_boxes(bricks_.boxes(index)), V::set(radius2_));
+    const std::uint32_t bits = exist & V::not_above(distance2_of_boxes(bricks_.boxes(index)), V::set(radius2_));
     const MapBricks::Brick* bricks = &bricks_.brick(next.brick(first));
     for (std::uint32_t left = bits; left != 0; left &= left - 1) {
       const auto* lines = reinterpret_cast<const char*>(bricks + std::countr_zero(left));
-      for (std::size_t byte = 0; byte < sizeof(MapBricks::Brick); byte += 64)
-        __builtin_prefetch(lines + byte);
+      for (std::size_t byte = 0; byte < sizeof(MapBricks::Brick); byte += 64) __builtin_prefetch(lines + byte);
     }
     return bits;
   }
@@ -209,8 +207,7 @@ class Candidates {
     std::size_t below_low = 0, below_high = found_.count;
     constexpr int kInterpolations = 6;
     for (int round = 0; round < kInterpolations; ++round) {
-      const float share =
-          (static_cast<float>(k - below_low) - 0.5f) / static_cast<float>(below_high - below_low);
+      const float share = (static_cast<float>(k - below_low) - 0.5f) / static_cast<float>(below_high - below_low);
       const float middle = low + (high - low) * share;
       const std::size_t below = count_not_above(middle);
       if (below == k) return largest_not_above(middle);
@@ -235,8 +232,7 @@ class Candidates {
     for (std::size_t i = 0; i < found_.count; i += kWidth) {
       const Float distance2 = distances2(i);
       std::uint32_t bits = V::below(distance2, limit);
-      for (std::uint32_t tied = V::not_above(distance2, limit) & ~bits; tied != 0 && ties > 0;
-           tied &= tied - 1, --ties)
+      for (std::uint32_t tied = V::not_above(distance2, limit) & ~bits; tied != 0 && ties > 0; tied &= tied - 1, --ties)
         bits |= tied & -tied;
       V::append_moved(found_.index.data(), kept, i, bits);
       V::append(found_.distance2.data() + kept, bits, distance2);
@@ -265,8 +261,7 @@ void find_nearest(const MapBricks& bricks, const NearestQuery& query, NearestPho
     walk.run([&](std::uint32_t root, std::uint32_t bits, typename V::Float distance2) {
       candidates.take(root, bits, distance2);
     });
-    if (found.count >= query.nearest || bound2 == query.max_distance2)
-      return candidates.finish(query.max_distance2);
+    if (found.count >= query.nearest || bound2 == query.max_distance2) return candidates.finish(query.max_distance2);
     bound2 *= kGrowth;
   }
 }

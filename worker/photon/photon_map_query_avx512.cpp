@@ -18,9 +18,7 @@ struct Avx512 {
   static Float max(Float a, Float b) { return _mm512_max_ps(a, b); }
   static Float abs(Float a) { return _mm512_abs_ps(a); }
   /// `size`, never negative, with the sign of `v`.
-  static Float with_sign_of(Float size, Float v) {
-    return _mm512_or_ps(size, _mm512_and_ps(v, _mm512_set1_ps(-0.0f)));
-  }
+  static Float with_sign_of(Float size, Float v) { return _mm512_or_ps(size, _mm512_and_ps(v, _mm512_set1_ps(-0.0f))); }
   static std::uint32_t not_above(Float a, Float b) { return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ); }
   static std::uint32_t below(Float a, Float b) { return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ); }
   /// `a` where it is not above `b`, else 0.
@@ -53,8 +51,7 @@ struct Avx512 {
   static void append_nodes(std::uint32_t* to, std::uint32_t root, std::uint32_t bits) {
     const __m512i below = _mm512_setr_epi32(0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 4);
     const __m512i place = _mm512_setr_epi32(0, 0, 1, 0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 0);
-    append(to, bits,
-           _mm512_add_epi32(_mm512_sllv_epi32(_mm512_set1_epi32(static_cast<int>(root)), below), place));
+    append(to, bits, _mm512_add_epi32(_mm512_sllv_epi32(_mm512_set1_epi32(static_cast<int>(root)), below), place));
   }
 };
 

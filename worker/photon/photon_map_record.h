@@ -87,8 +87,7 @@ inline constexpr float kDirectionError = 0.0175f, kNormalError = 0.035f;
   if (packed[3] == 0) return {0.0f, 0.0f, 0.0f};
   // 2^(e - 128 - 8), built from its bits.
   const auto scale = std::bit_cast<float>((static_cast<std::uint32_t>(packed[3]) + (127u - 136u)) << 23);
-  return Rgb{static_cast<float>(packed[0]), static_cast<float>(packed[1]), static_cast<float>(packed[2])} *
-         scale;
+  return Rgb{static_cast<float>(packed[0]), static_cast<float>(packed[1]), static_cast<float>(packed[2])} * scale;
 }
 
 }  // namespace pf

@@ -13,8 +13,7 @@ namespace pf {
 
 /// Where a photon's path starts, and through what.
 struct PhotonStart {
-  Vec3f position{0, 0,
-                 0};  ///< where the way through a medium counts from: the lamp itself, or the ray's origin
+  Vec3f position{0, 0, 0};  ///< where the way through a medium counts from: the lamp itself, or the ray's origin
   MediumStack media;
   Rgb texture{1, 1, 1};  ///< the lamp's emission there, in its mean
 };

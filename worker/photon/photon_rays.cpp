@@ -37,7 +37,10 @@ struct PhotonRays::Walk {
 };
 
 PhotonRays::PhotonRays(const Scene& scene, const PhotonOptions& options, bool differentials)
-    : scene_(scene), options_(options), differentials_(differentials), scene_radius_(0.5f * length(scene.bounds().size())) {
+    : scene_(scene),
+      options_(options),
+      differentials_(differentials),
+      scene_radius_(0.5f * length(scene.bounds().size())) {
   find_shares();
 }
 
@@ -116,15 +119,15 @@ bool PhotonRays::emit(std::uint64_t sub_pass, std::uint32_t path, Walk& walk) co
   walk.ray = {picked->emission.origin, picked->emission.direction};
   PhotonStart start = photon_start(scene_, picked->emission.origin, picked->triangle, picked->barycentric);
   walk.position = start.position;
-  walk.media = std::move(start.media);
+  walk.media = start.media;
   walk.flux = picked->emission.flux / static_cast<float>(options_.paths) * start.texture;
   if (!(max_component(walk.flux) > 0.0f)) return false;
   spread_of_emission(*picked, u[0], {u[1], u[2]}, {u[3], more[0]}, walk);
   return true;
 }
 
-void PhotonRays::spread_of_scattering(Walk& walk, const SurfacePoint& point, const Bsdf& bsdf, const SurfaceParams& params,
-                                      const BsdfSample& sample) const {
+void PhotonRays::spread_of_scattering(Walk& walk, const SurfacePoint& point, const Bsdf& bsdf,
+                                      const SurfaceParams& params, const BsdfSample& sample) const {
   PhotonDifferential& differential = walk.differential;
   if (sample.specularity <= 0.0f) {
     differential.bounce(bsdf.ng(), sample.wi, sample.pdf_w);
@@ -192,8 +195,8 @@ float PhotonRays::exit_distance(const Vec3f& origin, const Vec3f& direction) con
   return std::isfinite(exit) ? std::max(0.0f, exit) : 0.0f;
 }
 
-void PhotonRays::trace(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, std::vector<PhotonSegment>& segments,
-                       Figures& figures) const {
+void PhotonRays::trace(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end,
+                       std::vector<PhotonSegment>& segments, Figures& figures) const {
   for (std::uint32_t path = first; path < end; ++path) {
     Walk walk;
     if (!emit(sub_pass, path, walk)) continue;
@@ -205,10 +208,11 @@ void PhotonRays::trace(std::uint64_t sub_pass, std::uint32_t first, std::uint32_
         break;
       }
       if (walk.bounce > 0) {
-        const float to_end = hit ? length(hit->position - walk.position) : exit_distance(walk.position, walk.ray.direction);
-        segments.push_back({walk.position, walk.ray.direction, to_end, walk.flux, walk.specular_only ? kCaustic : kIndirect,
-                            walk.share, walk.differential, walk.media, walk.start,
-                            hit ? plane_of(*hit, -walk.ray.direction) : RayKernel::Plane{}});
+        const float to_end =
+            hit ? length(hit->position - walk.position) : exit_distance(walk.position, walk.ray.direction);
+        segments.push_back({walk.position, walk.ray.direction, to_end, walk.flux,
+                            walk.specular_only ? kCaustic : kIndirect, walk.share, walk.differential, walk.media,
+                            walk.start, hit ? plane_of(*hit, -walk.ray.direction) : RayKernel::Plane{}});
       }
       if (!hit || !scatter(walk, *hit)) break;
     } while (true);
@@ -250,7 +254,9 @@ RayKernel kernel_of(const PhotonSegment& segment, std::uint32_t paths, const Ker
   }
   const float per_path = rule.photons / (kPi * static_cast<float>(paths) * segment.share);
   float scale = per_path * rule.smoothing * rule.smoothing;
-  const auto widest2 = [&](float t) { return (along.at_start + along.linear * t + along.quadratic * (t * t)).largest(); };
+  const auto widest2 = [&](float t) {
+    return (along.at_start + along.linear * t + along.quadratic * (t * t)).largest();
+  };
   const float largest2 = std::max(widest2(0.0f), widest2(segment.length)) * scale;
   if (largest2 > rule.widest * rule.widest) scale *= rule.widest * rule.widest / largest2;
   return RayKernel(segment.origin, segment.direction, segment.length, frame.t, frame.b, along.at_start * scale,

@@ -76,7 +76,8 @@ struct PhotonTracer::Arrivals {
 /// Paths that wait to be emitted, with their first numbers drawn for eight at once.
 class PhotonTracer::Start {
  public:
-  Start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end) : numbers_(numbers), next_(first), end_(end) {}
+  Start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end)
+      : numbers_(numbers), next_(first), end_(end) {}
 
   /// The next path into `lane` of `photons`; false when none is left.
   bool operator()(const PhotonTracer& tracer, PhotonLanes& photons, std::size_t lane) {
@@ -112,7 +113,8 @@ void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, Emiss
   }
 }
 
-bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const {
+bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons,
+                         std::size_t lane) const {
   if ((emissions.lanes & (1u << from)) == 0) return false;
   const Vec3f origin = emissions.origin[from];
   const PhotonStart begins = photon_start(scene_, origin, emissions.triangle[from], emissions.barycentric[from]);
@@ -148,7 +150,8 @@ void PhotonTracer::store(const Arrivals& at, Part& part) {
   });
 }
 
-unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons, Part& part) const {
+unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons,
+                               Part& part) const {
   if (scene_.any_medium()) {
     for_each_lane(points.hits, [&](std::size_t lane) {
       const MediumStack& media = photons.media[lane];
@@ -159,8 +162,8 @@ unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes&
   }
   photons.position = points.position;
   const std::array<Float8, 4> u = numbers.draw(photons.path, 2 + 2 * reinterpret_cast<Uint8>(photons.bounce));
-  Arrivals arrivals{0,  points.position, photons.flux, -photons.ray.direction, points.ng, Float8{}, Float8{},
-                    photons.bounce,      photons.specular_only};
+  Arrivals arrivals{0,        points.position, photons.flux,   -photons.ray.direction, points.ng,
+                    Float8{}, Float8{},        photons.bounce, photons.specular_only};
   const __m256i material = _mm256_and_si256(_mm256_load_si256(reinterpret_cast<const __m256i*>(points.material.data())),
                                             reinterpret_cast<__m256i>(mask_of(points.hits)));
   const auto of_material = [&](int offset) -> Float8 {
@@ -180,7 +183,9 @@ unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes&
               photons.specular_only[lane] != 0};
     const SurfacePoint point = points.point(lane);
     const SmoothMaterial* smooth = scene_.smooth_material(point.material);
-    if (!(smooth != nullptr ? scatter_smooth(walk, point, *smooth, lane, arrivals) : scatter_any(walk, point, lane, arrivals))) return;
+    if (!(smooth != nullptr ? scatter_smooth(walk, point, *smooth, lane, arrivals)
+                            : scatter_any(walk, point, lane, arrivals)))
+      return;
     on |= 1u << lane;
     photons.ray.origin.set(lane, walk.ray.origin);
     photons.ray.direction.set(lane, walk.ray.direction);
@@ -219,12 +224,13 @@ bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, std::size_
 }
 
 /// The same as scatter_any(), number for number, for mirrors and clear glass: nothing is stored there.
-bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, std::size_t lane,
-                                  Arrivals& arrivals) const {
+bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material,
+                                  std::size_t lane, Arrivals& arrivals) const {
   const Vec3f wo = -walk.ray.direction;
   const bool entering = dot(wo, point.ng) > 0.0f;
   std::optional<Interface> room;
-  const Interface* boundary = material.boundary(walk.media.eta_outside(scene_, point.material, entering), entering, room);
+  const Interface* boundary =
+      material.boundary(walk.media.eta_outside(scene_, point.material, entering), entering, room);
   if (boundary == nullptr) return scatter_any(walk, point, lane, arrivals);
   const auto sample = SmoothSurface(*boundary, material.thin(), point.ng, point.ns, wo).sample_flux(walk.u[0]);
   if (!sample || !walk.survives(sample->weight)) return false;
@@ -283,7 +289,8 @@ void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std:
       const unsigned shot = alive[packet];
       if (shot == 0) continue;
       part.rays += static_cast<std::uint64_t>(std::popcount(shot));
-      part.lost += static_cast<std::uint64_t>(std::popcount(shot & ~points[packet].hits & lanes_of(photons[packet].bounce == 0)));
+      part.lost += static_cast<std::uint64_t>(
+          std::popcount(shot & ~points[packet].hits & lanes_of(photons[packet].bounce == 0)));
       alive[packet] = points[packet].hits == 0 ? 0 : scatter(numbers, points[packet], photons[packet], part);
       fill(packet, kAllLanes & ~alive[packet]);
     }
@@ -327,13 +334,14 @@ std::vector<Ray> PhotonTracer::rays_of(std::uint64_t sub_pass) const {
   std::vector<Ray> all;
   for (std::uint32_t first = 0; first < options_.paths; first += kChunk) {
     Part part;
-    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part, [&](const auto& rays, const auto& lanes) {
-      for (std::size_t packet = 0; packet < rays.size(); ++packet) {
-        for_each_lane(lanes[packet], [&](std::size_t lane) {
-          all.push_back({rays[packet].origin[lane], rays[packet].direction[lane]});
-        });
-      }
-    });
+    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part,
+                [&](const auto& rays, const auto& lanes) {
+                  for (std::size_t packet = 0; packet < rays.size(); ++packet) {
+                    for_each_lane(lanes[packet], [&](std::size_t lane) {
+                      all.push_back({rays[packet].origin[lane], rays[packet].direction[lane]});
+                    });
+                  }
+                });
   }
   return all;
 }

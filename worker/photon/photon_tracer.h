@@ -31,16 +31,17 @@ struct PhotonOptions {
 /// Photons of one sub-pass, by flow, and what tracing them took.
 struct PhotonBatch {
   std::array<Photons, kFlows> flows;
-  Photons direct;           ///< straight from a lamp; empty without PhotonOptions::direct
+  Photons direct;  ///< straight from a lamp; empty without PhotonOptions::direct
   std::uint64_t rays = 0;
-  std::uint64_t lost = 0;        ///< paths whose first ray met nothing
+  std::uint64_t lost = 0;  ///< paths whose first ray met nothing
   Faults faults;
 };
 
 /// Emits and follows the photon paths of sub-passes [Jensen 1996; Jensen 2001, chapter 5]: flux Phi/N by
 /// light, Russian roulette that keeps photons whole, storage at every non-specular hit after the first
-/// (direct light is sampled from the eye), and at the first, too, when the options ask for it. A photon's flux is kept in units of flux_unit(), folded with
-/// |cos(ns)|/|cos(ng)| at its hit, so that a gather over a Lambert surface is a plain sum [Veach 1997, 5.3].
+/// (direct light is sampled from the eye), and at the first, too, when the options ask for it. A photon's flux is kept
+/// in units of flux_unit(), folded with |cos(ns)|/|cos(ng)| at its hit, so that a gather over a Lambert surface is a
+/// plain sum [Veach 1997, 5.3].
 class PhotonTracer {
  public:
   PhotonTracer(const Scene& scene, const PhotonOptions& options);
@@ -71,15 +72,15 @@ class PhotonTracer {
   bool scatter_any(Walk& walk, const SurfacePoint& point, std::size_t lane, Arrivals& arrivals) const;
   bool scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, std::size_t lane,
                       Arrivals& arrivals) const;
-  unsigned scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points, const std::array<Float8, 4>& u,
-                           PhotonLanes& photons, Arrivals& arrivals) const;
+  unsigned scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points,
+                           const std::array<Float8, 4>& u, PhotonLanes& photons, Arrivals& arrivals) const;
   static void store(const Arrivals& arrivals, Part& part);
 
   const Scene& scene_;
   PhotonOptions options_;
   double flux_unit_ = 0;
   std::vector<std::array<float, 4>> matte_;  ///< per material: albedo of a plain Lambert reflector and 1, or zeros
-  float emitted_scale_ = 0;  ///< from the flux of all paths [W] to flux_unit()
+  float emitted_scale_ = 0;                  ///< from the flux of all paths [W] to flux_unit()
 };
 
 }  // namespace pf

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -11,14 +12,14 @@
 
 namespace pf {
 
-/// Which photons a hit point gathers: those within a ball, near the tangent plane, on a surface that faces the same way.
-/// The others lie on another surface or behind; they count neither in the flux nor in M, else radii shrink wrongly and
-/// light leaks through thin walls.
+/// Which photons a hit point gathers: those within a ball, near the tangent plane, on a surface that faces the same
+/// way. The others lie on another surface or behind; they count neither in the flux nor in M, else radii shrink wrongly
+/// and light leaks through thin walls.
 struct DiscQuery {
   Vec3f position;
-  Vec3f normal;              ///< unit geometric normal on the side that is seen
-  float radius2 = 0;         ///< m^2
-  bool both_sides = false;   ///< also photons that came from behind (rough transmission)
+  Vec3f normal;             ///< unit geometric normal on the side that is seen
+  float radius2 = 0;        ///< m^2
+  bool both_sides = false;  ///< also photons that came from behind (rough transmission)
 };
 
 /// A photon's surface may tilt by 60 degrees against the hit point's...
@@ -36,8 +37,9 @@ struct FluxSum {
   std::array<std::int64_t, 3> steps{};
 };
 
-/// Photons along a Hilbert curve under an implicit 16-ary tree of boxes: blocks of 16 photons, 16 blocks a node and so on. It
-/// has no cell size, so that radii may differ by any factor, and its blocks are what vector instructions take at once.
+/// Photons along a Hilbert curve under an implicit 16-ary tree of boxes: blocks of 16 photons, 16 blocks a node and so
+/// on. It has no cell size, so that radii may differ by any factor, and its blocks are what vector instructions take at
+/// once.
 class PhotonTree {
  public:
   static constexpr std::size_t kWidth = 16;
@@ -74,13 +76,15 @@ class PhotonTree {
   void use_isa(Isa isa) { isa_ = isa; }
   [[nodiscard]] Isa isa() const { return isa_; }
 
-  /// Nodes of each level, from the boxes of the blocks up; the last has one node. Unused boxes are such that nothing meets them.
+  /// Nodes of each level, from the boxes of the blocks up; the last has one node. Unused boxes are such that nothing
+  /// meets them.
   [[nodiscard]] const std::vector<std::vector<Node>>& levels() const { return levels_; }
   [[nodiscard]] const std::vector<Block>& blocks() const { return blocks_; }
   /// Packed normal of all photons of a block, or kMixedNormals.
   [[nodiscard]] std::uint32_t block_normal(std::size_t block) const { return block_normals_[block]; }
-  static constexpr std::uint32_t kMixedNormals = ~0u;   ///< packed ones have 24 bits
-  /// Steps of one photon from each of so many blocks sum up in 32 bits, whichever they are; 0: one photon may need more.
+  static constexpr std::uint32_t kMixedNormals = ~0u;  ///< packed ones have 24 bits
+  /// Steps of one photon from each of so many blocks sum up in 32 bits, whichever they are; 0: one photon may need
+  /// more.
   [[nodiscard]] std::uint32_t blocks_in_32_bits() const { return blocks_in_32_bits_; }
 
  private:
@@ -90,9 +94,12 @@ class PhotonTree {
   }
   void fill_blocks(const Photons& photons);
   void build_levels();
+  [[nodiscard]] Node node_of_blocks(std::size_t first) const;
+  [[nodiscard]] static Node node_of_nodes(const std::vector<Node>& below, std::size_t first);
+  [[nodiscard]] std::size_t used_in_block(std::size_t i) const { return std::min(kWidth, count_ - i * kWidth); }
   void summarise_blocks();
 
-  std::vector<Block> blocks_;     ///< the last one padded with photons infinitely far away
+  std::vector<Block> blocks_;  ///< the last one padded with photons infinitely far away
   std::vector<std::vector<Node>> levels_;
   std::vector<std::uint32_t> block_normals_;
   std::uint32_t blocks_in_32_bits_ = 0;
@@ -104,15 +111,16 @@ class PhotonTree {
 struct NearbyBlocks {
   static constexpr std::size_t kMost = 128;
   Vec3f centre{0, 0, 0};
-  float reach = -1.0f;            ///< radius of the ball [m]; negative: none yet
+  float reach = -1.0f;  ///< radius of the ball [m]; negative: none yet
   std::size_t count = 0;
-  int queries_to_skip = 0;        ///< the last ball met too many blocks: so many queries ask the tree itself
+  int queries_to_skip = 0;  ///< the last ball met too many blocks: so many queries ask the tree itself
   std::array<PhotonTree::Node, kMost / PhotonTree::kWidth> boxes;
   std::array<std::uint32_t, kMost> blocks;  ///< ascending
 };
 
-/// Queries to one tree, one after the other: neighbouring pixels meet nearly the same blocks, which are looked up in the tree
-/// once for several of them. Answers are those of the tree, to the bit. For one thread; the tree must outlive it.
+/// Queries to one tree, one after the other: neighbouring pixels meet nearly the same blocks, which are looked up in
+/// the tree once for several of them. Answers are those of the tree, to the bit. For one thread; the tree must outlive
+/// it.
 class GatherCursor {
  public:
   explicit GatherCursor(const PhotonTree& tree) : tree_(tree) {}

@@ -13,7 +13,8 @@ namespace {
 constexpr int kSteps = 4;             ///< points along each edge of a cell at which its bound is measured
 constexpr float kBoundMargin = 1.1f;  ///< what may lie between those points, beyond them
 constexpr float kSlack = 1e-3f;       ///< rounding, and rays that start a little off their light
-constexpr float kCoarseBalls = 0.12f;  ///< spacing of the balls that the environment's groups see, in the scene's radius
+constexpr float kCoarseBalls =
+    0.12f;  ///< spacing of the balls that the environment's groups see, in the scene's radius
 constexpr std::uint64_t kPunctual = std::uint64_t{1} << 40, kEnvironment = std::uint64_t{1} << 41;
 
 /// Calls f(u) for points along the edges of cell (x, y) of `edge` x `edge`.
@@ -30,9 +31,7 @@ void for_each_edge_point(std::uint32_t x, std::uint32_t y, std::uint32_t edge, c
   }
 }
 
-float angle_between(const Vec3f& a, const Vec3f& b) {
-  return 2.0f * std::asin(std::min(1.0f, 0.5f * length(a - b)));
-}
+float angle_between(const Vec3f& a, const Vec3f& b) { return 2.0f * std::asin(std::min(1.0f, 0.5f * length(a - b))); }
 
 /// Cone around the directions of a cell.
 template <typename Direction>
@@ -51,8 +50,8 @@ auto cone_of_cell(std::uint32_t x, std::uint32_t y, std::uint32_t edge, const Di
 
 }  // namespace
 
-/// Where on the disc outside the scene balls lie, as a picture of kRows x kRows pixels, a word a row: quick to draw in, whatever
-/// the number of balls, and never smaller than they are.
+/// Where on the disc outside the scene balls lie, as a picture of kRows x kRows pixels, a word a row: quick to draw in,
+/// whatever the number of balls, and never smaller than they are.
 class ProjectionMap::DiscPicture {
  public:
   void draw(const Vec3f& center, float radius) {
@@ -77,9 +76,7 @@ class ProjectionMap::DiscPicture {
   static constexpr int kRows = 64;
   static constexpr float kHalf = 0.5f * kRows;  ///< pixels per unit of the disc's radius
 
-  static int pixel(float x) {
-    return std::clamp(static_cast<int>(std::floor((x + 1.0f) * kHalf)), 0, kRows - 1);
-  }
+  static int pixel(float x) { return std::clamp(static_cast<int>(std::floor((x + 1.0f) * kHalf)), 0, kRows - 1); }
   static std::uint64_t bits(int first, int last) {
     return (~std::uint64_t{0} >> (kRows - 1 - (last - first))) << first;
   }
@@ -117,8 +114,9 @@ Vec2f ProjectionMap::View::within(const Vec2f& u) const {
   const std::uint32_t cell = on[chosen];
   const float rest = std::clamp(scaled - static_cast<float>(chosen), 0.0f, kOneMinusEpsilon);
   const float width = 1.0f / static_cast<float>(edge);
-  return {std::min((static_cast<float>(cell % edge) + rest) * width, kOneMinusEpsilon),
-          std::min((static_cast<float>(cell / edge) + u.y) * width, kOneMinusEpsilon)};
+  const auto column = cell % edge, row = cell / edge;
+  return {std::min((static_cast<float>(column) + rest) * width, kOneMinusEpsilon),
+          std::min((static_cast<float>(row) + u.y) * width, kOneMinusEpsilon)};
 }
 
 void ProjectionMap::View::set(std::uint32_t cells_along, const std::vector<std::uint8_t>& mask) {
@@ -192,8 +190,7 @@ void ProjectionMap::add_view(float u_pick, std::span<const SurfaceBall> balls) {
     parallel_for(groups.size(), [&](std::size_t i) { groups[i] = distant_view(group(i), cells, coarse); });
     for (std::size_t i = 0; i < groups.size(); ++i) views_[kEnvironment + i] = std::move(groups[i]);
   } else if (picked->triangle >= 0) {
-    const Box3f box =
-        lights_.area_lights()[area_of_triangle_[static_cast<std::size_t>(picked->triangle)]].box();
+    const Box3f box = lights_.area_lights()[area_of_triangle_[static_cast<std::size_t>(picked->triangle)]].box();
     views_[key(*picked)] = near_view(u_pick, box.center(), 0.5f * length(box.size()), balls);
   } else if (length2(picked->emission.origin - other->emission.origin) > 0.0f) {
     views_[key(*picked)] = distant_view({picked->emission.direction, 0.0f}, disc_cells(), balls);
@@ -224,10 +221,9 @@ ProjectionMap::View ProjectionMap::near_view(float u_pick, const Vec3f& center, 
   if (!surrounded) {
     parallel_for(kEdge, [&](std::size_t row) {
       for (std::uint32_t x = 0; x < kEdge; ++x) {
-        const auto [axis, angle] =
-            cone_of_cell(x, static_cast<std::uint32_t>(row), kEdge, [&](const Vec2f& u) {
-              return lights_.emit(u_pick, {0.5f, 0.5f}, u)->emission.direction;
-            });
+        const auto [axis, angle] = cone_of_cell(x, static_cast<std::uint32_t>(row), kEdge, [&](const Vec2f& u) {
+          return lights_.emit(u_pick, {0.5f, 0.5f}, u)->emission.direction;
+        });
         const float cosine = std::cos(std::min(angle, kPi)), sine = std::sin(std::min(angle, kPi));
         const bool on = std::any_of(cones.begin(), cones.end(), [&, axis = axis](const Cone& cone) {
           // Angles that sum up to more than a half turn meet everything.
@@ -264,15 +260,15 @@ ProjectionMap::View ProjectionMap::distant_view(const Bound& directions, std::sp
 }
 
 std::size_t ProjectionMap::group_of(const Vec3f& direction) {
-  const float height = 0.5f - 0.5f * direction.y,
-              turn = 0.5f + std::atan2(direction.x, direction.z) * (0.5f * kInvPi);
+  const float height = 0.5f - 0.5f * direction.y, turn = 0.5f + std::atan2(direction.x, direction.z) * (0.5f * kInvPi);
   const int row = std::clamp(static_cast<int>(height * kHeights), 0, kHeights - 1);
   const int column = std::clamp(static_cast<int>(turn * kTurns), 0, kTurns - 1);
-  return static_cast<std::size_t>(row * kTurns + column);
+  return static_cast<std::size_t>(row) * kTurns + static_cast<std::size_t>(column);
 }
 
 ProjectionMap::Bound ProjectionMap::group(std::size_t index) {
-  const auto row = static_cast<float>(index / kTurns), column = static_cast<float>(index % kTurns);
+  const std::size_t at_row = index / kTurns, at_column = index % kTurns;
+  const auto row = static_cast<float>(at_row), column = static_cast<float>(at_column);
   const auto [axis, angle] = cone_of_cell(0, 0, 1, [&](const Vec2f& u) {
     const float y = 1.0f - 2.0f * (row + u.x) / kHeights;
     const float phi = 2.0f * kPi * ((column + u.y) / kTurns - 0.5f);
@@ -328,8 +324,8 @@ double ProjectionMap::measure_on_share() const {
   int rays = 0;
   for (int i = 0; i < kAlong * kAlong * kAlong; ++i) {
     const auto number = [](int k) { return (static_cast<float>(k) + 0.5f) / kAlong; };
-    const auto picked = lights_.emit(number(i % kAlong), {0.5f, 0.5f},
-                                     {number(i / kAlong % kAlong), number(i / (kAlong * kAlong))});
+    const auto picked =
+        lights_.emit(number(i % kAlong), {0.5f, 0.5f}, {number(i / kAlong % kAlong), number(i / (kAlong * kAlong))});
     if (!picked) continue;
     const auto it = views_.find(key(*picked));
     share += it == views_.end() ? 1.0 : it->second.share();

@@ -68,8 +68,7 @@ class ProjectionMap {
     Lights::EmissionPicked picked;
     bool on = true;
   };
-  [[nodiscard]] std::optional<Probe> probe(float u_pick, const Vec2f& u_position,
-                                           const Vec2f& u_direction) const;
+  [[nodiscard]] std::optional<Probe> probe(float u_pick, const Vec2f& u_position, const Vec2f& u_direction) const;
   /// Share of all emitted photons that On cells hold.
   [[nodiscard]] double on_share() const { return on_share_; }
   /// Worth using: without it enough photons would be lost.

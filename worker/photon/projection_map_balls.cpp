@@ -6,7 +6,7 @@
 namespace pf {
 namespace {
 
-constexpr float kSlack = 1e-3f;  ///< rounding
+constexpr float kBallSlack = 1e-3f;  ///< rounding
 
 }  // namespace
 
@@ -50,7 +50,7 @@ void SurfaceBalls::add_piece(const std::array<Vec3f, 3>& corners, bool specular)
 std::vector<SurfaceBall> SurfaceBalls::balls() const {
   std::vector<SurfaceBall> balls;
   for (const auto& [cell, box] : pieces_) {
-    balls.push_back({box.center(), 0.5f * length(box.size()) * (1.0f + kSlack), cell[3] != 0});
+    balls.push_back({box.center(), 0.5f * length(box.size()) * (1.0f + kBallSlack), cell[3] != 0});
   }
   return balls;
 }
@@ -70,7 +70,7 @@ std::vector<SurfaceBall> merged_balls(std::span<const SurfaceBall> balls, float 
     SurfaceBall& ball = all.emplace_back(SurfaceBall{box.center(), 0.0f, false});
     for (const SurfaceBall* member : members)
       ball.radius =
-          std::max(ball.radius, (length(member->center - ball.center) + member->radius) * (1.0f + kSlack));
+          std::max(ball.radius, (length(member->center - ball.center) + member->radius) * (1.0f + kBallSlack));
   }
   return all;
 }

@@ -14,7 +14,8 @@ constexpr std::size_t kLeafSamples = SampleBlock::kWidth - 1;
 constexpr int kBranchDepth = 8;
 /// Samples below which a subtree is built by one thread.
 constexpr std::size_t kParallelSamples = 8192;
-/// Part of the scene's size that the whole sphere of normals is worth: a split by normal then comes after a few by position.
+/// Part of the scene's size that the whole sphere of normals is worth: a split by normal then comes after a few by
+/// position.
 constexpr float kNormalShare = 0.1f;
 
 /// Octahedral coordinates of a unit vector: the two dimensions of direction.

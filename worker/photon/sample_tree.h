@@ -14,12 +14,12 @@
 
 namespace pf {
 
-/// Samples of the eye in a balanced kd-tree over position and normal direction (five dimensions), for photon rays to walk
-/// [Herzog et al. 2007]: a node is left out when its box lies outside the ray's cone or all its normals face away.
+/// Samples of the eye in a balanced kd-tree over position and normal direction (five dimensions), for photon rays to
+/// walk [Herzog et al. 2007]: a node is left out when its box lies outside the ray's cone or all its normals face away.
 ///
-/// Nodes lie in heap order; the tree splits at the median of its widest dimension, so that node i of a depth holds the i-th
-/// equal part of the samples. The nodes of one depth, "branches", are what threads take: each thread adds up the samples of
-/// its own branches, ray after ray, so that sums have one order whatever the threads do.
+/// Nodes lie in heap order; the tree splits at the median of its widest dimension, so that node i of a depth holds the
+/// i-th equal part of the samples. The nodes of one depth, "branches", are what threads take: each thread adds up the
+/// samples of its own branches, ray after ray, so that sums have one order whatever the threads do.
 class SampleTree {
  public:
   SampleTree() = default;
@@ -33,7 +33,8 @@ class SampleTree {
   /// Calls visit(branch) for every branch that the ray's kernel may reach, ascending.
   template <typename Visit>
   void for_each_branch(const RayKernel& ray, Visit&& visit) const {
-    if (!samples_.empty()) descend(0, 0, branch_depth_, ray, [&](std::size_t node) { visit(node - first_of(branch_depth_)); });
+    if (!samples_.empty())
+      descend(0, 0, branch_depth_, ray, [&](std::size_t node) { visit(node - first_of(branch_depth_)); });
   }
   /// Calls visit(index, meeting) for every sample of the branch that the ray meets, ascending.
   template <typename Visit>
@@ -59,8 +60,8 @@ class SampleTree {
 
   struct Node {
     Vec3f centre;
-    Vec3f half;                ///< half the box's edges [m]
-    float reach = 0;           ///< half the box's diagonal, and the largest least_radius of its samples
+    Vec3f half;       ///< half the box's edges [m]
+    float reach = 0;  ///< half the box's diagonal, and the largest least_radius of its samples
     float least_radius = 0;
     Vec3f normal_low, normal_high;
     bool both_sides = false;
@@ -80,7 +81,8 @@ class SampleTree {
     float near = ray.t_begin(node.least_radius) - rounding;
     float far = ray.t_end(node.least_radius) + rounding;
     if (t + node.reach < near || t - node.reach > far) return false;
-    const float radius = std::max(ray.radius(t - node.reach), ray.radius(t + node.reach)) + node.least_radius + rounding;
+    const float radius =
+        std::max(ray.radius(t - node.reach), ray.radius(t + node.reach)) + node.least_radius + rounding;
     const float bound = node.reach + radius;
     if (length2(away - d * t) > bound * bound) return false;
     // The normal that faces the ray most, of all in the box of normals.
@@ -115,7 +117,7 @@ class SampleTree {
   std::vector<Node> nodes_;
   int leaf_depth_ = 0;
   int branch_depth_ = 0;
-  float normal_scale_ = 1;     ///< metres that a unit of the normal's coordinates is worth when a dimension is chosen
+  float normal_scale_ = 1;  ///< metres that a unit of the normal's coordinates is worth when a dimension is chosen
 };
 
 }  // namespace pf

@@ -7,17 +7,18 @@ namespace {
 
 /// A surface may bulge by this part of the kernel's radius before a sample counts as behind it, as in DiscQuery.
 constexpr float kBulge = 0.25f;
-/// Slope against the ray up to which the plane at an end is followed to the kernel's rim: beyond, its light is a thousandth.
+/// Slope against the ray up to which the plane at an end is followed to the kernel's rim: beyond, its light is a
+/// thousandth.
 constexpr float kMaxSlope = 32.0f;
-/// Cosine between normals from which on surfaces lie the same way, and how far in front one then has to be, relative to the
-/// coordinates: twice what rays are moved off their surfaces.
+/// Cosine between normals from which on surfaces lie the same way, and how far in front one then has to be, relative to
+/// the coordinates: twice what rays are moved off their surfaces.
 constexpr float kMinNormalCosine = 0.5f;
 constexpr float kClearance = 2.0f * kRayOffset;
 /// Rounding of the spread along the ray, so that the cone is a bound.
 constexpr float kRadiusMargin = 1.0001f;
 
-/// How many radii the kernel reaches beyond an end: one, or as far as the plane there needs; far where there is none, as the ray
-/// itself goes on.
+/// How many radii the kernel reaches beyond an end: one, or as far as the plane there needs; far where there is none,
+/// as the ray itself goes on.
 float reach(const RayKernel::Plane& plane, const Vec3f& direction) {
   if (is_zero(plane.normal)) return kMaxSlope;
   const float cosine = std::abs(dot(plane.normal, direction));
@@ -44,9 +45,9 @@ KernelProfile::KernelProfile(SplatKernel kind) : kind_(kind) {
   for (float& part : beyond_) part *= static_cast<float>(0.5 / sum);
 }
 
-RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x, const Vec3f& axis_y,
-                     const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start,
-                     const Plane& end)
+RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x,
+                     const Vec3f& axis_y, const Spread& at_start, const Spread& linear, const Spread& quadratic,
+                     const Plane& start, const Plane& end)
     : origin_(origin),
       direction_(direction),
       axis_x_(axis_x),
@@ -72,18 +73,18 @@ RayKernel::RayKernel(const Vec3f& origin, const Vec3f& direction, float length, 
 
 bool RayKernel::in_front_of_start(const SplatSample& sample, float bulge) const {
   const float height = dot(start_.normal, sample.position) - start_.offset;
-  // The other side of a thin sheet, or for light from behind the sheet itself, must not be lit by what leaves the sheet: a
-  // surface that lies the same way has to be clearly in front.
+  // The other side of a thin sheet, or for light from behind the sheet itself, must not be lit by what leaves the
+  // sheet: a surface that lies the same way has to be clearly in front.
   const float facing = dot(start_.normal, sample.ng);
   const bool parallel = facing < -kMinNormalCosine || (sample.both_sides && facing > kMinNormalCosine);
   if (parallel) return height > kClearance * std::max(sample.extent, max_magnitude(sample.position));
   return height > -bulge;
 }
 
-/// Where the surface that the ray left and the sample's own meet at an inner edge, as at the foot of a wall, rays through the
-/// kernel's disc around the sample would have to start below the sample's plane on one side of a line, and do not exist. With h
-/// the sample's height over the surface, c and c' the cosines of the ray at start and sample, n and n' their normals: a ray at
-/// offset y exists where y . (n' c + n c') >= -h c'.
+/// Where the surface that the ray left and the sample's own meet at an inner edge, as at the foot of a wall, rays
+/// through the kernel's disc around the sample would have to start below the sample's plane on one side of a line, and
+/// do not exist. With h the sample's height over the surface, c and c' the cosines of the ray at start and sample, n
+/// and n' their normals: a ray at offset y exists where y . (n' c + n c') >= -h c'.
 float RayKernel::start_edge(const SplatSample& sample, const Spread& m) const {
   if (is_zero(start_.normal) || sample.both_sides) return kInfinity;
   const float cosine = dot(start_.normal, direction_), cosine_there = -dot(sample.ng, direction_);
@@ -95,7 +96,8 @@ float RayKernel::start_edge(const SplatSample& sample, const Spread& m) const {
 }
 
 std::optional<RayKernel::Meeting> RayKernel::meet_near(const SplatSample& sample, float t, float x, float y) const {
-  if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f)) return std::nullopt;
+  if (!sample.both_sides && !(dot(direction_, sample.ng) < 0.0f && dot(direction_, sample.ns) < 0.0f))
+    return std::nullopt;
   const float on_ray = std::clamp(t, 0.0f, length_);
   // The eye's own footprint is added like the variance of one more blur: no kernel is narrower.
   const float least2 = sample.least_radius * sample.least_radius;

@@ -14,8 +14,8 @@
 
 namespace pf {
 
-/// Radial profile f of a kernel K(x) = f(u) / (pi sqrt(det M)) over the ellipse u^2 = x^T M^-1 x < 1, normalised over the disc:
-/// 2 * integral of f(u) u du = 1 over [0, 1].
+/// Radial profile f of a kernel K(x) = f(u) / (pi sqrt(det M)) over the ellipse u^2 = x^T M^-1 x < 1, normalised over
+/// the disc: 2 * integral of f(u) u du = 1 over [0, 1].
 class KernelProfile {
  public:
   explicit KernelProfile(SplatKernel kind);
@@ -73,12 +73,12 @@ struct Spread {
 /// Where an eye path gathers: what splatting asks of it.
 struct SplatSample {
   Vec3f position;
-  Vec3f ng;                  ///< unit geometric normal on the side that is seen
-  Vec3f ns;                  ///< shading normal, likewise
-  float least_radius = 0;    ///< [m] of the eye's own footprint: no kernel is narrower
-  float extent = 0;          ///< SurfacePoint::extent: for offsets of rays
-  bool both_sides = false;   ///< also light from behind counts (rough transmission)
-  std::uint32_t id = 0;      ///< the caller's
+  Vec3f ng;                 ///< unit geometric normal on the side that is seen
+  Vec3f ns;                 ///< shading normal, likewise
+  float least_radius = 0;   ///< [m] of the eye's own footprint: no kernel is narrower
+  float extent = 0;         ///< SurfacePoint::extent: for offsets of rays
+  bool both_sides = false;  ///< also light from behind counts (rough transmission)
+  std::uint32_t id = 0;     ///< the caller's
 };
 
 /// Sixteen samples side by side, a field two vector registers; unused places lie infinitely far away.
@@ -87,33 +87,34 @@ struct alignas(32) SampleBlock {
   std::array<float, kWidth> x, y, z, least_radius;
 };
 
-/// The kernel around one photon ray: an ellipse in the plane across the ray, which varies along it as the spread of the paths
-/// around this one does.
+/// The kernel around one photon ray: an ellipse in the plane across the ray, which varies along it as the spread of the
+/// paths around this one does.
 ///
-/// [Herzog et al. 2007]: flux spread over the disc ACROSS the ray gives the flux density that arrives at any sample near the
-/// ray, however its surface is turned; the sample's own cosine makes it irradiance. So a ray that passes beside the edge of a
-/// table still counts on the table, and no light is missing at an edge.
+/// [Herzog et al. 2007]: flux spread over the disc ACROSS the ray gives the flux density that arrives at any sample
+/// near the ray, however its surface is turned; the sample's own cosine makes it irradiance. So a ray that passes
+/// beside the edge of a table still counts on the table, and no light is missing at an edge.
 class RayKernel {
  public:
   /// A surface at one end of the ray: samples behind it do not count. `normal`: on the ray's side.
   struct Plane {
-    Vec3f normal{0, 0, 0};   ///< zero: no surface there
-    float offset = 0;        ///< dot(normal, point)
+    Vec3f normal{0, 0, 0};  ///< zero: no surface there
+    float offset = 0;       ///< dot(normal, point)
   };
 
   RayKernel() = default;
-  /// `at_start`, `linear`, `quadratic`: the spread at distance t is at_start + t linear + t^2 quadratic, along `axis_x` and
-  /// `axis_y`, which with `direction` are orthonormal.
+  /// `at_start`, `linear`, `quadratic`: the spread at distance t is at_start + t linear + t^2 quadratic, along `axis_x`
+  /// and `axis_y`, which with `direction` are orthonormal.
   RayKernel(const Vec3f& origin, const Vec3f& direction, float length, const Vec3f& axis_x, const Vec3f& axis_y,
-            const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start, const Plane& end);
+            const Spread& at_start, const Spread& linear, const Spread& quadratic, const Plane& start,
+            const Plane& end);
 
   /// How a sample lies in the kernel.
   struct Meeting {
-    float t;                 ///< distance of its foot along the ray; may lie a little before or beyond the ray
-    float u2;                ///< squared relative distance from the axis, < 1
-    float area;              ///< of the ellipse there [m^2]
-    float edge;              ///< relative distance of the edge below which no rays start (start_edge)
-    float behind;            ///< how far back along the ray the plane of the surface that the ray met is; 0: not behind it
+    float t;       ///< distance of its foot along the ray; may lie a little before or beyond the ray
+    float u2;      ///< squared relative distance from the axis, < 1
+    float area;    ///< of the ellipse there [m^2]
+    float edge;    ///< relative distance of the edge below which no rays start (start_edge)
+    float behind;  ///< how far back along the ray the plane of the surface that the ray met is; 0: not behind it
   };
   /// Empty where the sample faces away, lies outside the kernel, or behind the surface at the start.
   [[nodiscard]] std::optional<Meeting> meet(const SplatSample& sample) const {
@@ -122,16 +123,18 @@ class RayKernel {
     const float x = dot(away, axis_x_);
     const float y = dot(away, axis_y_);
     const float bound = radius(t) + sample.least_radius;
-    if (!(x * x + y * y < bound * bound) || !(t >= t_begin(sample.least_radius) && t <= t_end(sample.least_radius))) return std::nullopt;
+    if (!(x * x + y * y < bound * bound) || !(t >= t_begin(sample.least_radius) && t <= t_end(sample.least_radius)))
+      return std::nullopt;
     return meet_near(sample, t, x, y);
   }
 
-  /// Bits of the samples of a block that lie within the circle around the ellipse: the first test of meet(), to the bit, which
-  /// most of those that a walk comes to fail.
+  /// Bits of the samples of a block that lie within the circle around the ellipse: the first test of meet(), to the
+  /// bit, which most of those that a walk comes to fail.
   [[nodiscard]] std::uint32_t near(const SampleBlock& block) const {
     const auto all = [](float v) { return _mm256_set1_ps(v); };
     const auto dot8 = [&](__m256 x, __m256 y, __m256 z, const Vec3f& v) {
-      return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(x, all(v.x)), _mm256_mul_ps(y, all(v.y))), _mm256_mul_ps(z, all(v.z)));
+      return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(x, all(v.x)), _mm256_mul_ps(y, all(v.y))),
+                           _mm256_mul_ps(z, all(v.z)));
     };
     std::uint32_t bits = 0;
     for (std::size_t i = 0; i < SampleBlock::kWidth; i += 8) {
@@ -158,11 +161,15 @@ class RayKernel {
   [[nodiscard]] float length() const { return length_; }
   [[nodiscard]] const Plane& start() const { return start_; }
   [[nodiscard]] Spread spread(float t) const { return at_start_ + linear_ * t + quadratic_ * (t * t); }
-  /// Bound of the long half axis at `t` [m]. The half axis is convex in t, so the chord between the ends bounds it: a cone.
+  /// Bound of the long half axis at `t` [m]. The half axis is convex in t, so the chord between the ends bounds it: a
+  /// cone.
   [[nodiscard]] float radius(float t) const { return first_radius_ + radius_slope_ * std::clamp(t, 0.0f, length_); }
-  /// Range of t in which the feet of samples of this least radius lie: a tilted surface at an end goes on beside the ray.
+  /// Range of t in which the feet of samples of this least radius lie: a tilted surface at an end goes on beside the
+  /// ray.
   [[nodiscard]] float t_begin(float least_radius) const { return -start_reach_ * (radius(0.0f) + least_radius); }
-  [[nodiscard]] float t_end(float least_radius) const { return length_ + end_reach_ * (radius(length_) + least_radius); }
+  [[nodiscard]] float t_end(float least_radius) const {
+    return length_ + end_reach_ * (radius(length_) + least_radius);
+  }
 
  private:
   [[nodiscard]] std::optional<Meeting> meet_near(const SplatSample& sample, float t, float x, float y) const;

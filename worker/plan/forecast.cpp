@@ -69,10 +69,9 @@ Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
   const double caustic = pilot.missed(kCaustic), indirect = pilot.missed(kIndirect);
   // A lamp of radiance Le that is met with probability p brings p Le, with the moment p Le^2: what is missed
   // is bright and rare.
-  f.fast = pilot.path_noise + (1.0 - delta) * pilot.lamp_radiance *
-                                  (caustic * pilot.caustic_moment + indirect * pilot.indirect_moment);
-  f.floor = delta * delta *
-            (caustic * caustic * pilot.caustic_square + indirect * indirect * pilot.indirect_square);
+  f.fast = pilot.path_noise +
+           (1.0 - delta) * pilot.lamp_radiance * (caustic * pilot.caustic_moment + indirect * pilot.indirect_moment);
+  f.floor = delta * delta * (caustic * caustic * pilot.caustic_square + indirect * indirect * pilot.indirect_square);
   f.pass = pixels_of(spec) * pilot.path_rays;
   return f;
 }
@@ -86,8 +85,8 @@ std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot) {
   std::int64_t best = 0;
   double least = std::numeric_limits<double>::infinity();
   for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
-    const auto paths = std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height,
-                                  kFewestPhotonPaths, kMostPhotonPaths);
+    const auto paths =
+        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
     const double work = sppm_of(spec, pilot, paths).work_to(kPlanTarget);
     if (best > 0 && work >= least) continue;
     best = paths;
@@ -107,8 +106,7 @@ Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {
   f.floor = kInterpolated * more * (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]);
   f.pass = eye_pass(spec, pilot);
   const double records = kRecords * pixels_of(spec) * pilot.diffuse;
-  const auto caustic_paths =
-      pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
+  const auto caustic_paths = pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
   f.setup = kPhotonRay * pilot.photon_rays * (paths + caustic_paths) + records * spec.irradiance_cache.rays;
   return f;
 }

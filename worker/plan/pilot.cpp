@@ -132,8 +132,8 @@ struct PilotSink {
     }
   }
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    radiance += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow,
-                                             found.eye.rays));
+    radiance +=
+        lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, found.eye.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk) {
     found.gathers += 1.0;
@@ -148,8 +148,7 @@ struct PilotSink {
       if (flow == kCaustic && walk.bounce > 0) found.mirrored += light;
       thread_local NearestPhotons answer;
       const float reach = map.max_distance();
-      map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false},
-                            answer);
+      map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false}, answer);
       const double area = static_cast<double>(kPi * answer.radius2);
       if (light <= 0.0 || area <= 0.0) continue;
       found.density[flow] += light * static_cast<double>(answer.count) / (area * kPilotPhotons);
@@ -171,9 +170,7 @@ struct Grid {
     rows = std::clamp(kPilotPixels / columns, 1, h);
     columns = std::clamp(kPilotPixels / rows, 1, w);
   }
-  [[nodiscard]] std::size_t size() const {
-    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
-  }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows); }
   [[nodiscard]] int x(std::size_t i) const {
     return middle(static_cast<int>(i % static_cast<std::size_t>(columns)), columns, width);
   }
@@ -220,8 +217,8 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
 double photons_in_disc(const DiscRule& rule, double density, double footprint, double paths) {
   const double wanted = rule.photons * std::pow(paths / kDiscPaths, 2.0 / 3.0);
   const double of_footprint = density * paths * static_cast<double>(kPi) * footprint * footprint;
-  return std::max(
-      1.0, std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
+  return std::max(1.0,
+                  std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
 }
 
 double variance(double sum, double sum_of_squares) {

@@ -35,14 +35,13 @@ struct Pilot {
   double nothing = 0, diffuse = 0, glossy = 0, specular = 0;  ///< what is seen first: parts that add up to 1
   double path_rays = 0;                                       ///< of a sample of path tracing
   double eye_rays = 0;                                        ///< of an eye sample of photon mapping
-  double gathers = 0;  ///< places of an eye sample where photons are gathered
+  double gathers = 0;                                         ///< places of an eye sample where photons are gathered
 
   // Radiance that reaches the eye, image means of luminance.
   double direct = 0;  ///< seen lamps and sky, and light straight from them, also in mirrors and through glass
   std::array<double, kFlows> light{};       ///< of the photons' flows
   std::array<double, kFlows> path_light{};  ///< the same as path tracing found it
-  double mirrored_caustic =
-      0;  ///< part of light[kCaustic] that is seen in mirrors or through glass: L S+ D S+ E
+  double mirrored_caustic = 0;  ///< part of light[kCaustic] that is seen in mirrors or through glass: L S+ D S+ E
 
   // Errors.
   double path_noise = 0;      ///< of path tracing, as far as its samples saw it
@@ -50,10 +49,8 @@ struct Pilot {
   double caustic_moment = 0;  ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
   double caustic_square = 0;  ///< relMSE of an image without any caustic
   double indirect_moment = 0, indirect_square = 0;  ///< the same for indirect light
-  std::array<double, kFlows>
-      photon_noise{};  ///< relMSE of the first sub-pass's density estimates, without their blur
-  double roughness =
-      0;  ///< relative difference of indirect irradiance between neighbours on one surface: 0 smooth
+  std::array<double, kFlows> photon_noise{};  ///< relMSE of the first sub-pass's density estimates, without their blur
+  double roughness = 0;  ///< relative difference of indirect irradiance between neighbours on one surface: 0 smooth
 
   /// Part of a flow's light that paths from the eye did not find, 0 to 1; differences within the pilot's own
   /// noise are 0.

@@ -70,22 +70,18 @@ std::string path_words(const Pilot& pilot, const CausticFacts& caustics) {
   std::string words = fmt::format(
       "{:.3g} % of the light comes straight from lamps or sky, {:.3g} % by mirrors or glass, {:.3g} % from "
       "surface to surface",
-      100.0 * pilot.direct / light, 100.0 * pilot.light[kCaustic] / light,
-      100.0 * pilot.light[kIndirect] / light);
+      100.0 * pilot.direct / light, 100.0 * pilot.light[kCaustic] / light, 100.0 * pilot.light[kIndirect] / light);
   if (missed > 0.0) {
     words += fmt::format("; paths from the eye miss {:.3g} % of all, ", 100.0 * missed / light);
-    words += pilot.delta_flux > 0.0
-                 ? "as lamps without size cannot be met by chance"
-                 : fmt::format("as a lamp that fills {:.2g} % of a sphere is hardly ever met",
-                               100.0 * caustics.smallest_light);
+    words += pilot.delta_flux > 0.0 ? "as lamps without size cannot be met by chance"
+                                    : fmt::format("as a lamp that fills {:.2g} % of a sphere is hardly ever met",
+                                                  100.0 * caustics.smallest_light);
   }
   return words;
 }
 
-Decision choose_algorithm(const SceneFacts& facts, const Pilot& pilot,
-                          const std::vector<Candidate>& candidates) {
-  if (pilot.flux <= 0.0)
-    return {"algorithm", "path", "nothing emits light: the image is black whatever computes it"};
+Decision choose_algorithm(const SceneFacts& facts, const Pilot& pilot, const std::vector<Candidate>& candidates) {
+  if (pilot.flux <= 0.0) return {"algorithm", "path", "nothing emits light: the image is black whatever computes it"};
   const Candidate& best = candidates.front();
   const double work = work_of(best);
   std::string reason = path_words(pilot, facts.caustics);
@@ -107,8 +103,7 @@ struct Switchable {
 
 void decide(Plan& plan, bool& term, std::string subject, bool on, std::string why_on, std::string why_off) {
   term = on;
-  plan.decisions.push_back(
-      {std::move(subject), on ? "on" : "off", on ? std::move(why_on) : std::move(why_off)});
+  plan.decisions.push_back({std::move(subject), on ? "on" : "off", on ? std::move(why_on) : std::move(why_off)});
 }
 
 /// A term that the job may switch itself.
@@ -148,16 +143,14 @@ void decide_photon_terms(const JobSpec& spec, const SceneFacts& facts, const Pil
   const int reached = caustics.reached_by_small + caustics.reached_by_large;
   const double found = pilot.stored[kCaustic] * pilot.photon_paths;
   const bool any = found > 0.0 || reached > 0 || caustics.lights_in_glass > 0;
-  decide(plan, plan.caustic_map, {"caustic map", "photon_map.caustic_map", spec.photon_map.caustic_map},
-         traces, any,
-         fmt::format("{}; {:.0f} of {} photons came to a surface by mirrors or glass",
-                     caster_words(caustics, reached), found, pilot.photon_paths),
+  decide(plan, plan.caustic_map, {"caustic map", "photon_map.caustic_map", spec.photon_map.caustic_map}, traces, any,
+         fmt::format("{}; {:.0f} of {} photons came to a surface by mirrors or glass", caster_words(caustics, reached),
+                     found, pilot.photon_paths),
          fmt::format("no lamp shines on a surface that focuses light, and none of {} photons came by one",
                      pilot.photon_paths));
   const std::string lost = fmt::format("{:.3g} % of the photons meet nothing", 100.0 * pilot.lost);
   const bool aimed = plan.caustic_map;
-  decide(plan, plan.projection_map,
-         {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},
+  decide(plan, plan.projection_map, {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},
          keeps_maps(plan.algorithm), pilot.lost > kSparse || aimed,
          aimed ? "photons of the caustic map go only where mirrors and glass are; " + lost : lost, lost);
 }
@@ -181,8 +174,7 @@ void decide_terms(const JobSpec& spec, const SceneFacts& facts, Plan& plan) {
          plural(facts.media, "material absorbs inside", "materials absorb inside"),
          "no material in use bounds an absorbing medium");
   decide(plan, plan.depth_of_field, "depth of field", spec.scene.lens_radius > 0.0,
-         fmt::format("scene.lens_radius is {} m, in focus at {} m", spec.scene.lens_radius,
-                     spec.scene.focus_distance),
+         fmt::format("scene.lens_radius is {} m, in focus at {} m", spec.scene.lens_radius, spec.scene.focus_distance),
          "scene.lens_radius is 0: a pinhole");
 }
 
@@ -215,8 +207,7 @@ Plan make_plan(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot)
     plan.decisions.push_back(std::move(decision));
   } else {
     plan.algorithm = asked;
-    plan.decisions.push_back(
-        {"algorithm", std::string(to_string(asked)), "the job asks for it (integrator.type)"});
+    plan.decisions.push_back({"algorithm", std::string(to_string(asked)), "the job asks for it (integrator.type)"});
   }
   decide_photons(spec, pilot, plan);
   decide_photon_terms(spec, facts, pilot, plan);

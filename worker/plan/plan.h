@@ -41,9 +41,8 @@ struct Plan {
   bool rough_lobes = false;
   bool media = false;  ///< absorption inside glass
   bool depth_of_field = false;
-  std::vector<Decision> decisions;  ///< the algorithm first, then photons, then each term in the order above
-  std::vector<Candidate>
-      candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
+  std::vector<Decision> decisions;    ///< the algorithm first, then photons, then each term in the order above
+  std::vector<Candidate> candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
   std::vector<std::string> warnings;
 
   /// The forecast of the algorithm, where there is one.
@@ -65,8 +64,8 @@ struct PilotTiming {
 
 /// What `photonfarm plan` prints: the job, the scene's facts, the pilot's evidence, each decision with its
 /// reason, and when the image would reach stop.error, or kPlanTarget without one.
-[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot,
-                                    const Plan& plan, const PilotTiming& timing);
+[[nodiscard]] std::string plan_text(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, const Plan& plan,
+                                    const PilotTiming& timing);
 /// The same as one JSON object with the keys job, scene, pilot, plan, forecast.
 [[nodiscard]] nlohmann::json plan_json(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot,
                                        const Plan& plan, const PilotTiming& timing);

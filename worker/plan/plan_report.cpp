@@ -61,9 +61,9 @@ std::string length_words(const JobSpec& spec, const Plan& plan) {
   const bool photons = plan.algorithm == IntegratorType::kSppm || plan.algorithm == IntegratorType::kPpm;
   Words words;
   if (spec.stop.passes > 0) {
-    words.push_back(photons ? fmt::format("{} passes of {} photon paths", spec.stop.passes,
-                                          photon_paths(plan.resolve(spec)))
-                            : fmt::format("{} samples a pixel", spec.stop.passes));
+    words.push_back(
+        photons ? fmt::format("{} passes of {} photon paths", spec.stop.passes, photon_paths(plan.resolve(spec)))
+                : fmt::format("{} samples a pixel", spec.stop.passes));
   }
   if (spec.stop.seconds > 0) words.push_back(fmt::format("{:g} s", spec.stop.seconds));
   if (spec.stop.error > 0) words.push_back(fmt::format("a relative error of {:g}", spec.stop.error));
@@ -138,9 +138,7 @@ double target_of(const JobSpec& spec) {
   return spec.stop.error > 0.0 ? spec.stop.error * spec.stop.error : kPlanTarget;
 }
 
-nlohmann::json finite(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
-}
+nlohmann::json finite(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
 
 /// Seconds until the error is at most the target: least, likely, most.
 std::array<double, 3> seconds_to(const Forecast& f, double target, double per_work) {
@@ -150,18 +148,14 @@ std::array<double, 3> seconds_to(const Forecast& f, double target, double per_wo
 
 std::string duration(double seconds) {
   if (!std::isfinite(seconds)) return "never";
-  if (seconds < 120.0)
-    return seconds < 9.5 ? fmt::format("{:.1f} s", seconds) : fmt::format("{:.0f} s", seconds);
-  return seconds < 7200.0 ? fmt::format("{:.0f} min", seconds / 60.0)
-                          : fmt::format("{:.0f} h", seconds / 3600.0);
+  if (seconds < 120.0) return seconds < 9.5 ? fmt::format("{:.1f} s", seconds) : fmt::format("{:.0f} s", seconds);
+  return seconds < 7200.0 ? fmt::format("{:.0f} min", seconds / 60.0) : fmt::format("{:.0f} h", seconds / 3600.0);
 }
 
-std::string forecast_words(const JobSpec& spec, const Pilot& pilot, const Plan& plan,
-                           const PilotTiming& timing) {
+std::string forecast_words(const JobSpec& spec, const Pilot& pilot, const Plan& plan, const PilotTiming& timing) {
   const Forecast* f = plan.forecast();
   if (f == nullptr)
-    return fmt::format("none for {}: its error is blur that more passes do not remove",
-                       to_string(plan.algorithm));
+    return fmt::format("none for {}: its error is blur that more passes do not remove", to_string(plan.algorithm));
   const double target = target_of(spec);
   const auto seconds = seconds_to(*f, target, timing.per_work(pilot));
   return fmt::format(
@@ -175,29 +169,26 @@ std::vector<std::pair<std::string, std::string>> pilot_lines(const Pilot& p, con
   const double light = p.direct + p.light[kCaustic] + p.light[kIndirect];
   const auto share = [&](double part) { return light > 0.0 ? 100.0 * part / light : 0.0; };
   return {
-      {"traced", fmt::format("{} photon paths, {} pixels of {} eye samples in {:.2g} s", p.photon_paths,
-                             p.pixels, p.samples, timing.seconds)},
+      {"traced", fmt::format("{} photon paths, {} pixels of {} eye samples in {:.2g} s", p.photon_paths, p.pixels,
+                             p.samples, timing.seconds)},
       {"lamps", fmt::format("{:.3g} % of the flux from lamps without size, {:.3g} % from the sky; the "
                             "others' radiance is {:.3g}",
                             100.0 * p.delta_flux, 100.0 * p.sky_flux, p.lamp_radiance)},
       {"photons", fmt::format("{:.3g} % meet nothing; {:.2g} rays a path; {:.2g} caustic and {:.2g} other "
                               "photons stored of each",
                               100.0 * p.lost, p.photon_rays, p.stored[kCaustic], p.stored[kIndirect])},
-      {"seen first",
-       fmt::format("{:.3g} % diffuse, {:.3g} % glossy, {:.3g} % mirrors and glass, {:.3g} % nothing",
-                   100.0 * p.diffuse, 100.0 * p.glossy, 100.0 * p.specular, 100.0 * p.nothing)},
+      {"seen first", fmt::format("{:.3g} % diffuse, {:.3g} % glossy, {:.3g} % mirrors and glass, {:.3g} % nothing",
+                                 100.0 * p.diffuse, 100.0 * p.glossy, 100.0 * p.specular, 100.0 * p.nothing)},
       {"direct light", fmt::format("{:.3g} %", share(p.direct))},
       {"caustics",
-       fmt::format(
-           "{:.3g} %, of which paths from the eye found {:.3g} %; {:.3g} % seen in mirrors or through glass",
-           share(p.light[kCaustic]), 100.0 * (1.0 - p.missed(kCaustic)), share(p.mirrored_caustic))},
+       fmt::format("{:.3g} %, of which paths from the eye found {:.3g} %; {:.3g} % seen in mirrors or through glass",
+                   share(p.light[kCaustic]), 100.0 * (1.0 - p.missed(kCaustic)), share(p.mirrored_caustic))},
       {"indirect light",
-       fmt::format(
-           "{:.3g} %, of which paths from the eye found {:.3g} %; differs by {:.2g} % between neighbours",
-           share(p.light[kIndirect]), 100.0 * (1.0 - p.missed(kIndirect)), 100.0 * p.roughness)},
+       fmt::format("{:.3g} %, of which paths from the eye found {:.3g} %; differs by {:.2g} % between neighbours",
+                   share(p.light[kIndirect]), 100.0 * (1.0 - p.missed(kIndirect)), 100.0 * p.roughness)},
       {"noise of a pass",
-       fmt::format("relMSE {:.2g} by path tracing, {:.2g} of direct light alone, {:.2g} of photons",
-                   p.path_noise, p.direct_noise, p.photon_noise[kCaustic] + p.photon_noise[kIndirect])},
+       fmt::format("relMSE {:.2g} by path tracing, {:.2g} of direct light alone, {:.2g} of photons", p.path_noise,
+                   p.direct_noise, p.photon_noise[kCaustic] + p.photon_noise[kIndirect])},
   };
 }
 
@@ -206,34 +197,33 @@ nlohmann::json flows(const std::array<double, kFlows>& of) {
 }
 
 nlohmann::json pilot_json(const Pilot& p) {
-  return {{"photon_paths", p.photon_paths},
-          {"pixels", p.pixels},
-          {"samples_per_pixel", p.samples},
-          {"flux_watts", p.flux},
-          {"delta_flux_share", p.delta_flux},
-          {"sky_flux_share", p.sky_flux},
-          {"lamp_radiance", p.lamp_radiance},
-          {"lost_share", p.lost},
-          {"rays_per_photon_path", p.photon_rays},
-          {"stored_per_photon_path", flows(p.stored)},
-          {"seen_share",
-           {{"nothing", p.nothing}, {"diffuse", p.diffuse}, {"glossy", p.glossy}, {"specular", p.specular}}},
-          {"rays_per_path_sample", p.path_rays},
-          {"rays_per_eye_sample", p.eye_rays},
-          {"gathers_per_eye_sample", p.gathers},
-          {"direct_radiance", p.direct},
-          {"radiance_by_photons", flows(p.light)},
-          {"radiance_by_paths", flows(p.path_light)},
-          {"mirrored_caustic_radiance", p.mirrored_caustic},
-          {"missed_by_paths_share", {{"caustic", p.missed(kCaustic)}, {"indirect", p.missed(kIndirect)}}},
-          {"path_noise", p.path_noise},
-          {"direct_noise", p.direct_noise},
-          {"photon_noise", flows(p.photon_noise)},
-          {"indirect_roughness", p.roughness}};
+  return {
+      {"photon_paths", p.photon_paths},
+      {"pixels", p.pixels},
+      {"samples_per_pixel", p.samples},
+      {"flux_watts", p.flux},
+      {"delta_flux_share", p.delta_flux},
+      {"sky_flux_share", p.sky_flux},
+      {"lamp_radiance", p.lamp_radiance},
+      {"lost_share", p.lost},
+      {"rays_per_photon_path", p.photon_rays},
+      {"stored_per_photon_path", flows(p.stored)},
+      {"seen_share", {{"nothing", p.nothing}, {"diffuse", p.diffuse}, {"glossy", p.glossy}, {"specular", p.specular}}},
+      {"rays_per_path_sample", p.path_rays},
+      {"rays_per_eye_sample", p.eye_rays},
+      {"gathers_per_eye_sample", p.gathers},
+      {"direct_radiance", p.direct},
+      {"radiance_by_photons", flows(p.light)},
+      {"radiance_by_paths", flows(p.path_light)},
+      {"mirrored_caustic_radiance", p.mirrored_caustic},
+      {"missed_by_paths_share", {{"caustic", p.missed(kCaustic)}, {"indirect", p.missed(kIndirect)}}},
+      {"path_noise", p.path_noise},
+      {"direct_noise", p.direct_noise},
+      {"photon_noise", flows(p.photon_noise)},
+      {"indirect_roughness", p.roughness}};
 }
 
-nlohmann::json forecast_json(const JobSpec& spec, const Pilot& pilot, const Plan& plan,
-                             const PilotTiming& timing) {
+nlohmann::json forecast_json(const JobSpec& spec, const Pilot& pilot, const Plan& plan, const PilotTiming& timing) {
   const double target = target_of(spec);
   nlohmann::json methods = nlohmann::json::object();
   for (const Candidate& c : plan.candidates) {

@@ -28,8 +28,7 @@ float dielectric_f0(const Material& m) {
 float transmitted_share(const Material& m) { return m.transmission * (1.0f - m.metallic); }
 
 bool transmits(const Material& m) {
-  return !m.unlit &&
-         (transmitted_share(m) > 0.0f || (m.transmission > 0.0f && m.metallic_roughness_texture.present()));
+  return !m.unlit && (transmitted_share(m) > 0.0f || (m.transmission > 0.0f && m.metallic_roughness_texture.present()));
 }
 
 /// Does the material send a visible share of light into a narrow lobe? A texture may make a surface smoother
@@ -38,8 +37,7 @@ bool focuses_light(const Material& m) {
   if (m.unlit) return false;
   const float roughness = m.metallic_roughness_texture.present() ? 0.5f * m.roughness : m.roughness;
   if (roughness > kCasterRoughness) return false;
-  const float mirror =
-      std::max(m.metallic * max_component(m.base_color), (1.0f - m.metallic) * dielectric_f0(m));
+  const float mirror = std::max(m.metallic * max_component(m.base_color), (1.0f - m.metallic) * dielectric_f0(m));
   return std::max(mirror, transmits(m) ? m.transmission : 0.0f) >= kCasterShare;
 }
 
@@ -126,8 +124,7 @@ Placed place(const Mesh& mesh, const MeshInstance& instance, const Material& mat
   std::size_t measured = 0;
   for (std::size_t t = 0; t < count; t += stride, ++measured) {
     std::array<Vec3f, 3> p;
-    for (std::size_t k = 0; k < 3; ++k)
-      p[k] = mesh.positions[mesh.triangles[t][k]] * instance.object_to_world;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = mesh.positions[mesh.triangles[t][k]] * instance.object_to_world;
     const Vec3f normal = cross(p[1] - p[0], p[2] - p[0]);
     placed.area += 0.5 * static_cast<double>(length(normal));
     for (const Vec3f& corner : p) placed.bounds.extendBy(corner);
@@ -191,9 +188,7 @@ Surfaces count_geometry(const SceneDescription& scene, SceneFacts& facts) {
   return surfaces;
 }
 
-double radius_of(const Box3f& box) {
-  return box.isEmpty() ? 0.0 : 0.5 * static_cast<double>(length(box.size()));
-}
+double radius_of(const Box3f& box) { return box.isEmpty() ? 0.0 : 0.5 * static_cast<double>(length(box.size())); }
 
 void count_lights(const SceneDescription& scene, const Surfaces& surfaces, SceneFacts& facts) {
   LightCounts& lights = facts.lights;
@@ -251,10 +246,8 @@ bool shines_on(const PunctualLight& light, const Placed& caster) {
   const double distance = length(to);
   const double radius = radius_of(caster.bounds);
   if (distance <= radius) return true;
-  const double angle =
-      std::acos(std::clamp(static_cast<double>(dot(to, light.direction)) / distance, -1.0, 1.0));
-  return angle <= std::acos(std::clamp(static_cast<double>(light.cos_outer), -1.0, 1.0)) +
-                      std::asin(radius / distance);
+  const double angle = std::acos(std::clamp(static_cast<double>(dot(to, light.direction)) / distance, -1.0, 1.0));
+  return angle <= std::acos(std::clamp(static_cast<double>(light.cos_outer), -1.0, 1.0)) + std::asin(radius / distance);
 }
 
 /// Share of the sphere around the caster that the emitter fills at most: its area, seen from the front, at

@@ -39,22 +39,18 @@ struct LightCounts {
   bool environment_map = false;  ///< its flux is known only after reading it
   double environment_flux = 0;   ///< of a constant environment, through the same disc
 
-  [[nodiscard]] bool any() const {
-    return points + spots + directional > 0 || emissive_triangles > 0 || environment;
-  }
+  [[nodiscard]] bool any() const { return points + spots + directional > 0 || emissive_triangles > 0 || environment; }
 };
 
 /// A mirror-like or transmitting surface: what can focus light. How it meets the lights decides whether a
 /// path tracer can find its caustics.
 struct CausticFacts {
-  int casters = 0;           ///< placed meshes whose material focuses light
-  int reached_by_small = 0;  ///< of these, lit by a point, spot or directional light or by a small emitter
-  int reached_by_large = 0;  ///< of the rest, lit by a large emitter or the environment
-  double smallest_light =
-      1.0;  ///< smallest share of the sphere that a light fills, seen from a caster; 0: a point
-  std::vector<std::string>
-      names;                ///< materials of the casters reached, each once, in document order, at most four
-  int lights_in_glass = 0;  ///< lights that stand inside the bounding box of a transmitting mesh
+  int casters = 0;                 ///< placed meshes whose material focuses light
+  int reached_by_small = 0;        ///< of these, lit by a point, spot or directional light or by a small emitter
+  int reached_by_large = 0;        ///< of the rest, lit by a large emitter or the environment
+  double smallest_light = 1.0;     ///< smallest share of the sphere that a light fills, seen from a caster; 0: a point
+  std::vector<std::string> names;  ///< materials of the casters reached, each once, in document order, at most four
+  int lights_in_glass = 0;         ///< lights that stand inside the bounding box of a transmitting mesh
 };
 
 /// What a scene holds, as far as the choice of an algorithm and of its terms asks for it.
@@ -67,10 +63,10 @@ struct SceneFacts {
   MaterialCounts materials;
   LightCounts lights;
   CausticFacts caustics;
-  int textures = 0;     ///< used by a material in use
-  int normal_maps = 0;  ///< materials in use that have one
-  int rough_lobes = 0;  ///< materials in use with a lobe that is neither Lambert nor a perfect mirror
-  int media = 0;        ///< materials in use that absorb inside
+  int textures = 0;                  ///< used by a material in use
+  int normal_maps = 0;               ///< materials in use that have one
+  int rough_lobes = 0;               ///< materials in use with a lobe that is neither Lambert nor a perfect mirror
+  int media = 0;                     ///< materials in use that absorb inside
   std::vector<std::string> cameras;  ///< names in document order
   Box3f bounds;                      ///< world space, metres; empty for a scene without triangles
 };

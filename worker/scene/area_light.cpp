@@ -49,8 +49,8 @@ struct AreaLight::SharedEdge {
   std::uint8_t corner_a = 0, corner_b = 0;
 };
 
-AreaLight::AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u,
-                     const Vec3f& edge_v, int count)
+AreaLight::AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v,
+                     int count)
     : origin_(origin),
       edge_u_(edge_u),
       edge_v_(edge_v),
@@ -63,8 +63,7 @@ AreaLight::AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Ve
   radius_ = 0.5f * length(bounds.size());
   area_ = length(cross(edge_u, edge_v)) * (count == 2 ? 1.0f : 0.5f);
   extent_ = std::max(max_magnitude(bounds.min), max_magnitude(bounds.max));
-  rectangle_ =
-      count == 2 && std::abs(dot(edge_u, edge_v)) <= kShapeTolerance * length(edge_u) * length(edge_v);
+  rectangle_ = count == 2 && std::abs(dot(edge_u, edge_v)) <= kShapeTolerance * length(edge_u) * length(edge_v);
 }
 
 AreaLight::AreaLight(const EmissiveTriangle& triangle, std::uint32_t index)
@@ -93,24 +92,20 @@ std::vector<AreaLight::SharedEdge> AreaLight::shared_edges(std::span<const Emiss
       sides.push_back({{ends[0][0], ends[0][1], ends[0][2], ends[1][0], ends[1][1], ends[1][2]}, i, corner});
     }
   }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
-  });
+  std::sort(sides.begin(), sides.end(),
+            [](const Side& a, const Side& b) { return a.key != b.key ? a.key < b.key : a.triangle < b.triangle; });
   std::vector<SharedEdge> edges;
   for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
     while (last < sides.size() && sides[last].key == sides[first].key) ++last;
     if (last - first != 2) continue;  // a border, or a fold where more than two sheets meet
-    edges.push_back(
-        {sides[first].triangle, sides[first + 1].triangle, sides[first].corner, sides[first + 1].corner});
+    edges.push_back({sides[first].triangle, sides[first + 1].triangle, sides[first].corner, sides[first + 1].corner});
   }
-  std::sort(edges.begin(), edges.end(), [](const SharedEdge& x, const SharedEdge& y) {
-    return std::pair(x.a, x.b) < std::pair(y.a, y.b);
-  });
+  std::sort(edges.begin(), edges.end(),
+            [](const SharedEdge& x, const SharedEdge& y) { return std::pair(x.a, x.b) < std::pair(y.a, y.b); });
   return edges;
 }
 
-std::optional<AreaLight> AreaLight::pair(std::span<const EmissiveTriangle> triangles,
-                                         const SharedEdge& edge) {
+std::optional<AreaLight> AreaLight::pair(std::span<const EmissiveTriangle> triangles, const SharedEdge& edge) {
   const EmissiveTriangle& a = triangles[edge.a];
   const EmissiveTriangle& b = triangles[edge.b];
   if (a.radiance != b.radiance || a.two_sided != b.two_sided || dot(a.ng, b.ng) < 0.999f) return std::nullopt;
@@ -209,8 +204,7 @@ Vec2f AreaLight::sample_solid_angle(const Vec3f& p, const Vec2f& u) const {
     return meet_triangle(o, eu, ev, sample_spherical_triangle(o, o + eu, o + ev, inner));
   }
   const Vec2f inner(std::clamp(static_cast<float>((x - share) / (1.0 - share)), 0.0f, kOneMinusEpsilon), u.y);
-  const Vec2f st =
-      meet_triangle(far_corner, -eu, -ev, sample_spherical_triangle(far_corner, o + ev, o + eu, inner));
+  const Vec2f st = meet_triangle(far_corner, -eu, -ev, sample_spherical_triangle(far_corner, o + ev, o + eu, inner));
   return {1.0f - st.x, 1.0f - st.y};
 }
 

@@ -70,8 +70,7 @@ class AreaLight {
   };
 
   struct SharedEdge;
-  AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v,
-            int count);
+  AreaLight(const EmissiveTriangle& like, const Vec3f& origin, const Vec3f& edge_u, const Vec3f& edge_v, int count);
   [[nodiscard]] static std::vector<SharedEdge> shared_edges(std::span<const EmissiveTriangle> triangles,
                                                             const std::vector<bool>& usable);
   [[nodiscard]] static std::optional<AreaLight> pair(std::span<const EmissiveTriangle> triangles,

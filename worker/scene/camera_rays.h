@@ -14,7 +14,7 @@ class CameraRays {
 
   struct Generated {
     Vec3f origin;
-    Vec3f direction;         ///< unit
+    Vec3f direction;  ///< unit
   };
   /// `film` in pixels, (0,0) the top left corner; `lens` uniform in the unit square, unused for a pinhole.
   [[nodiscard]] Generated ray(const Vec2f& film, const Vec2f& lens) const;

@@ -29,7 +29,8 @@ Vec2x8 place(const Int8& paired, const Vec2x8& u) {
 
 }  // namespace
 
-void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const {
+void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction,
+                  EmissionLanes& emissions) const {
   emissions.lanes = 0;
   emissions.triangle.fill(-1);
   unsigned areas = 0;
@@ -43,7 +44,9 @@ void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& 
       lights[lane] = static_cast<std::uint32_t>(pick->index);
       u_side[lane] = pick->u;
     } else {
-      emissions.set(lane, emit_by(*pick, {u_position.x[lane], u_position.y[lane]}, {u_direction.x[lane], u_direction.y[lane]}).emission);
+      emissions.set(lane,
+                    emit_by(*pick, {u_position.x[lane], u_position.y[lane]}, {u_direction.x[lane], u_direction.y[lane]})
+                        .emission);
     }
   }
   if (areas != 0) emit_areas(areas, lights, u_side, u_position, u_direction, emissions);
@@ -64,7 +67,8 @@ void Lights::emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>&
   const Int8 here = mask_of(lanes);
   const Vec3x8 direction = normalize(to_world_about(areas.normal, sample_cosine_hemisphere(u_direction)));
   emissions.lanes |= lanes;
-  emissions.origin = select(here, offset_ray_origin(position, areas.normal, areas.normal, areas.extent), emissions.origin);
+  emissions.origin =
+      select(here, offset_ray_origin(position, areas.normal, areas.normal, areas.extent), emissions.origin);
   emissions.direction = select(here, direction, emissions.direction);
   emissions.flux = select(here, flux, emissions.flux);
   for_each_lane(lanes, [&](std::size_t lane) {

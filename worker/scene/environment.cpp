@@ -25,8 +25,7 @@ std::size_t scale_and_clean(std::vector<Rgb>& pixels, const Rgb& scale) {
   for (Rgb& pixel : pixels) {
     pixel *= scale;
     if (usable(pixel.x) && usable(pixel.y) && usable(pixel.z)) continue;
-    pixel = Rgb(usable(pixel.x) ? pixel.x : 0.0f, usable(pixel.y) ? pixel.y : 0.0f,
-                usable(pixel.z) ? pixel.z : 0.0f);
+    pixel = Rgb(usable(pixel.x) ? pixel.x : 0.0f, usable(pixel.y) ? pixel.y : 0.0f, usable(pixel.z) ? pixel.z : 0.0f);
     ++cleaned;
   }
   return cleaned;
@@ -52,9 +51,8 @@ Result<EnvironmentMap> EnvironmentMap::load(const Environment& e, std::vector<st
   result.height_ = map->height;
   result.pixels_ = std::move(map->pixels);
   if (const std::size_t cleaned = scale_and_clean(result.pixels_, e.radiance); cleaned > 0) {
-    warnings.push_back(
-        fmt::format("{}: {} of {} pixels hold negative, infinite or NaN values; these are taken as 0", e.file,
-                    cleaned, result.pixels_.size()));
+    warnings.push_back(fmt::format("{}: {} of {} pixels hold negative, infinite or NaN values; these are taken as 0",
+                                   e.file, cleaned, result.pixels_.size()));
   }
   result.prepare();
   if (!result.present()) warnings.push_back(fmt::format("{}: the environment map is black", e.file));
@@ -97,16 +95,13 @@ EnvironmentMap::Pixel EnvironmentMap::pixel_at(const Vec3f& d) const {
 }
 
 Vec3f EnvironmentMap::direction_in(const Pixel& p, const Vec2f& u) const {
-  const double s2 =
-      row_borders_[p.y] + static_cast<double>(u.y) * (row_borders_[p.y + 1] - row_borders_[p.y]);
+  const double s2 = row_borders_[p.y] + static_cast<double>(u.y) * (row_borders_[p.y + 1] - row_borders_[p.y]);
   const float sin_theta = static_cast<float>(2.0 * std::sqrt(std::max(0.0, s2 * (1.0 - s2))));
   const float phi = 2.0f * kPi * ((static_cast<float>(p.x) + u.x) / static_cast<float>(width_) - 0.5f);
   return {sin_theta * std::sin(phi), static_cast<float>(1.0 - 2.0 * s2), -sin_theta * std::cos(phi)};
 }
 
-Rgb EnvironmentMap::radiance(const Vec3f& d) const {
-  return pixels_.empty() ? constant_ : pixels_[index(pixel_at(d))];
-}
+Rgb EnvironmentMap::radiance(const Vec3f& d) const { return pixels_.empty() ? constant_ : pixels_[index(pixel_at(d))]; }
 
 float EnvironmentMap::pdf_w(const Vec3f& d) const {
   if (!present()) return 0.0f;

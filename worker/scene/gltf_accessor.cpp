@@ -55,9 +55,7 @@ struct AccessorReader::Source {
 AccessorReader::AccessorReader(const Model& model, Report& report)
     : model_(model), report_(report), budget_(std::max(kMinBudget, kElementsPerByte * model.bytes)) {}
 
-std::size_t AccessorReader::components(int index) const {
-  return component_count(type_name(accessor(index).type));
-}
+std::size_t AccessorReader::components(int index) const { return component_count(type_name(accessor(index).type)); }
 
 bool AccessorReader::has_data(int index) const {
   const tinygltf::Accessor& a = accessor(index);
@@ -76,8 +74,8 @@ Result<void> AccessorReader::spend(std::uint64_t elements, const std::string& po
   return {};
 }
 
-Result<AccessorReader::Source> AccessorReader::source(const tinygltf::Accessor& a, int view_index,
-                                                      std::size_t offset, std::size_t count, bool strided,
+Result<AccessorReader::Source> AccessorReader::source(const tinygltf::Accessor& a, int view_index, std::size_t offset,
+                                                      std::size_t count, bool strided,
                                                       const std::string& pointer) const {
   const auto& view = model_.gltf.bufferViews[static_cast<std::size_t>(view_index)];
   const auto& buffer = model_.gltf.buffers[static_cast<std::size_t>(view.buffer)];
@@ -104,8 +102,8 @@ Out convert(In value, bool normalize) {
 }
 
 template <typename In, typename Out, typename To>
-void copy(const std::uint8_t* data, std::size_t stride, std::size_t count, std::string_view type,
-          bool normalize, Out* out, std::size_t width, To to) {
+void copy(const std::uint8_t* data, std::size_t stride, std::size_t count, std::string_view type, bool normalize,
+          Out* out, std::size_t width, To to) {
   const std::size_t n = std::min(width, component_count(type));
   std::size_t offsets[16];
   for (std::size_t c = 0; c < n; ++c) offsets[c] = component_offset(type, sizeof(In), c);
@@ -135,15 +133,13 @@ void copy_any(int component_type, const std::uint8_t* data, std::size_t stride, 
     default:
       break;
   }
-  if constexpr (std::is_floating_point_v<Out>)
-    copy<float>(data, stride, count, type, normalize, out, width, to);
+  if constexpr (std::is_floating_point_v<Out>) copy<float>(data, stride, count, type, normalize, out, width, to);
 }
 
 }  // namespace
 
 template <typename Out>
-Result<void> AccessorReader::read(int index, bool normalize, Out* out, std::size_t width,
-                                  const std::string& pointer) {
+Result<void> AccessorReader::read(int index, bool normalize, Out* out, std::size_t width, const std::string& pointer) {
   const tinygltf::Accessor& a = accessor(index);
   const std::string_view type = type_name(a.type);
   if (a.bufferView >= 0) {
@@ -157,10 +153,10 @@ Result<void> AccessorReader::read(int index, bool normalize, Out* out, std::size
   tinygltf::Accessor scalar;
   scalar.type = TINYGLTF_TYPE_SCALAR;
   scalar.componentType = a.sparse.indices.componentType;
-  const auto where = source(scalar, a.sparse.indices.bufferView,
-                            static_cast<std::size_t>(a.sparse.indices.byteOffset), count, false, pointer);
-  const auto what = source(a, a.sparse.values.bufferView,
-                           static_cast<std::size_t>(a.sparse.values.byteOffset), count, false, pointer);
+  const auto where = source(scalar, a.sparse.indices.bufferView, static_cast<std::size_t>(a.sparse.indices.byteOffset),
+                            count, false, pointer);
+  const auto what = source(a, a.sparse.values.bufferView, static_cast<std::size_t>(a.sparse.values.byteOffset), count,
+                           false, pointer);
   if (!where) return tl::unexpected(where.error());
   if (!what) return tl::unexpected(what.error());
   std::vector<std::uint32_t> targets(count);
@@ -168,8 +164,8 @@ Result<void> AccessorReader::read(int index, bool normalize, Out* out, std::size
            [](std::size_t i) { return i; });
   for (std::size_t i = 0; i < count; ++i) {
     if (targets[i] >= a.count) {
-      return report_.fail(pointer, fmt::format("sparse index {} of accessor {} is not below its count {}",
-                                               targets[i], index, a.count));
+      return report_.fail(
+          pointer, fmt::format("sparse index {} of accessor {} is not below its count {}", targets[i], index, a.count));
     }
     if (i > 0 && targets[i] <= targets[i - 1]) {
       report_.warn(pointer, fmt::format("sparse indices of accessor {} do not increase", index));

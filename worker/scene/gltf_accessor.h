@@ -55,8 +55,8 @@ class AccessorReader {
   [[nodiscard]] Result<void> spend(int accessor, const std::string& pointer) {
     return spend(std::uint64_t{count(accessor)}, pointer);
   }
-  [[nodiscard]] Result<Source> source(const tinygltf::Accessor& a, int view, std::size_t offset,
-                                      std::size_t count, bool strided, const std::string& pointer) const;
+  [[nodiscard]] Result<Source> source(const tinygltf::Accessor& a, int view, std::size_t offset, std::size_t count,
+                                      bool strided, const std::string& pointer) const;
   [[nodiscard]] Result<void> read_floats(int accessor, float* out, std::size_t width, float fill,
                                          const std::string& pointer);
   template <typename Out>

@@ -61,22 +61,20 @@ void AnimationAuditor::sampler_input(const Json& sampler, const std::string& poi
   }
 }
 
-void AnimationAuditor::quaternions(int accessor, const std::string& interpolation,
-                                   const std::string& pointer) {
+void AnimationAuditor::quaternions(int accessor, const std::string& interpolation, const std::string& pointer) {
   const auto values = accessors_.raw(accessor, pointer);
   if (!values || accessors_.accessor(accessor).bufferView < 0) return;  // nothing to look at
   const tinygltf::Accessor& a = accessors_.accessor(accessor);
-  const double scale = a.componentType == TINYGLTF_COMPONENT_TYPE_FLOAT ? 1.0
-                       : a.componentType == TINYGLTF_COMPONENT_TYPE_BYTE ||
-                               a.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE
-                           ? 127.0
-                           : 32767.0;
+  const double scale =
+      a.componentType == TINYGLTF_COMPONENT_TYPE_FLOAT ? 1.0
+      : a.componentType == TINYGLTF_COMPONENT_TYPE_BYTE || a.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE
+          ? 127.0
+          : 32767.0;
   const bool cubic = interpolation == "CUBICSPLINE";
   for (std::size_t q = 0; 4 * q + 3 < values->size(); ++q) {
     if (cubic && q % 3 != 1) continue;  // tangents have any length
     double length2 = 0;
-    for (std::size_t c = 0; c < 4; ++c)
-      length2 += (*values)[4 * q + c] * (*values)[4 * q + c] / (scale * scale);
+    for (std::size_t c = 0; c < 4; ++c) length2 += (*values)[4 * q + c] * (*values)[4 * q + c] / (scale * scale);
     if (std::abs(std::sqrt(length2) - 1.0) > 0.02) {
       report_.warn(pointer, fmt::format("quaternion {} is not of unit length", q));
       return;
@@ -84,8 +82,7 @@ void AnimationAuditor::quaternions(int accessor, const std::string& interpolatio
   }
 }
 
-void AnimationAuditor::output(const Json& sampler, const std::string& path, std::size_t node,
-                              const std::string& at) {
+void AnimationAuditor::output(const Json& sampler, const std::string& path, std::size_t node, const std::string& at) {
   const int index = sampler["output"].get<int>();
   const tinygltf::Accessor& a = accessors_.accessor(index);
   if (strided(index)) report_.warn(at, "buffer view has a byteStride");
@@ -134,13 +131,12 @@ void AnimationAuditor::channel(const Json& animation, const Json& channel, const
   if (node_index < model_.gltf.nodes.size()) {
     const tinygltf::Node& node = model_.gltf.nodes[node_index];
     if (path == "weights") {
-      const bool morphs =
-          node.mesh >= 0 && !model_.gltf.meshes[static_cast<std::size_t>(node.mesh)].primitives.empty() &&
-          !model_.gltf.meshes[static_cast<std::size_t>(node.mesh)].primitives[0].targets.empty();
+      const bool morphs = node.mesh >= 0 &&
+                          !model_.gltf.meshes[static_cast<std::size_t>(node.mesh)].primitives.empty() &&
+                          !model_.gltf.meshes[static_cast<std::size_t>(node.mesh)].primitives[0].targets.empty();
       if (!morphs) report_.warn(pointer + "/target", fmt::format("node {} has no morph targets", node_index));
     } else if (!node.matrix.empty()) {
-      report_.warn(pointer + "/target",
-                   fmt::format("node {} has a matrix, which cannot be animated", node_index));
+      report_.warn(pointer + "/target", fmt::format("node {} has a matrix, which cannot be animated", node_index));
     }
   }
   if (is_accessor(samplers[index], "output"))
@@ -150,8 +146,7 @@ void AnimationAuditor::channel(const Json& animation, const Json& channel, const
 void AnimationAuditor::run(const Json& animation, const std::string& pointer) {
   const Json& samplers = elements(animation, "samplers");
   for (std::size_t i = 0; i < samplers.size(); ++i) {
-    if (is_accessor(samplers[i], "input"))
-      sampler_input(samplers[i], fmt::format("{}/samplers/{}", pointer, i));
+    if (is_accessor(samplers[i], "input")) sampler_input(samplers[i], fmt::format("{}/samplers/{}", pointer, i));
   }
   std::set<std::pair<std::uint64_t, std::string>> targets;
   const Json& channels = elements(animation, "channels");
@@ -170,8 +165,7 @@ void AnimationAuditor::run(const Json& animation, const std::string& pointer) {
 
 void audit_animations(const Model& model, AccessorReader& accessors, Report& report) {
   AnimationAuditor auditor(model, accessors, report);
-  for (std::size_t i = 0; i < model.animations.size(); ++i)
-    auditor.run(model.animations[i], child("/animations", i));
+  for (std::size_t i = 0; i < model.animations.size(); ++i) auditor.run(model.animations[i], child("/animations", i));
 }
 
 }  // namespace pf::gltf

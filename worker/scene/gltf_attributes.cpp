@@ -4,9 +4,8 @@
 
 namespace pf::gltf {
 
-Result<Attributes> Attributes::open(const Model& model, const tinygltf::Primitive& primitive,
-                                    AccessorReader& accessors, const Report& report,
-                                    const std::string& pointer) {
+Result<Attributes> Attributes::open(const Model& model, const tinygltf::Primitive& primitive, AccessorReader& accessors,
+                                    const Report& report, const std::string& pointer) {
   Attributes out;
   out.primitive_ = &primitive;
   out.accessors_ = &accessors;
@@ -17,8 +16,8 @@ Result<Attributes> Attributes::open(const Model& model, const tinygltf::Primitiv
   const std::string at = pointer + "/extensions/KHR_draco_mesh_compression";
   if (primitive.indices < 0) return report.fail(at, "primitive has no indices; compressed ones need them");
   if (primitive.mode != TINYGLTF_MODE_TRIANGLES && primitive.mode != TINYGLTF_MODE_TRIANGLE_STRIP) {
-    return report.fail(
-        at, fmt::format("primitive has mode {}; compressed ones are triangles or a strip", primitive.mode));
+    return report.fail(at,
+                       fmt::format("primitive has mode {}; compressed ones are triangles or a strip", primitive.mode));
   }
   const auto view_index = static_cast<std::size_t>(int_or(*draco, "bufferView", 0));
   const tinygltf::BufferView& view = model.gltf.bufferViews[view_index];
@@ -27,25 +26,20 @@ Result<Attributes> Attributes::open(const Model& model, const tinygltf::Primitiv
   const std::size_t points = accessors.count(primitive.attributes.at("POSITION"));
   const std::size_t indices = accessors.count(primitive.indices);
   // Every attribute is made from the declared count: ask before anything is decoded.
-  if (auto granted = accessors.spend(std::uint64_t{points} * primitive.attributes.size() + indices, at);
-      !granted) {
+  if (auto granted = accessors.spend(std::uint64_t{points} * primitive.attributes.size() + indices, at); !granted) {
     return tl::unexpected(granted.error());
   }
-  auto mesh = DracoMesh::decode(std::span(data).subspan(view.byteOffset, view.byteLength), points, indices,
-                                report, at);
+  auto mesh = DracoMesh::decode(std::span(data).subspan(view.byteOffset, view.byteLength), points, indices, report, at);
   if (!mesh) return tl::unexpected(mesh.error());
   out.draco_ = std::move(*mesh);
   return out;
 }
 
-std::size_t Attributes::vertex_count() const {
-  return accessors_->count(primitive_->attributes.at("POSITION"));
-}
+std::size_t Attributes::vertex_count() const { return accessors_->count(primitive_->attributes.at("POSITION")); }
 
 std::optional<int> Attributes::draco_id(const std::string& name) const {
   if (!draco_) return std::nullopt;
-  const tinygltf::Value* map =
-      find(*find(primitive_->extensions, "KHR_draco_mesh_compression"), "attributes");
+  const tinygltf::Value* map = find(*find(primitive_->extensions, "KHR_draco_mesh_compression"), "attributes");
   if (map == nullptr || !map->Has(name)) return std::nullopt;
   return int_or(*map, name, -1);
 }

@@ -28,9 +28,8 @@ class Attributes {
     const std::optional<int> id = draco_id(name);
     if (!id) return accessors_->vectors<V>(accessor, at, fill);
     std::vector<V> out(vertex_count());
-    const auto done =
-        draco_->read(*id, accessors_->components(accessor), scale(accessor), fill,
-                     reinterpret_cast<float*>(out.data()), sizeof(V) / sizeof(float), *report_, at);
+    const auto done = draco_->read(*id, accessors_->components(accessor), scale(accessor), fill,
+                                   reinterpret_cast<float*>(out.data()), sizeof(V) / sizeof(float), *report_, at);
     if (!done) return tl::unexpected(done.error());
     return out;
   }

@@ -22,8 +22,8 @@ DracoMesh::DracoMesh(DracoMesh&&) noexcept = default;
 DracoMesh& DracoMesh::operator=(DracoMesh&&) noexcept = default;
 DracoMesh::~DracoMesh() = default;
 
-Result<DracoMesh> DracoMesh::decode(std::span<const std::uint8_t> bytes, std::uint64_t points,
-                                    std::uint64_t indices, const Report& report, const std::string& pointer) {
+Result<DracoMesh> DracoMesh::decode(std::span<const std::uint8_t> bytes, std::uint64_t points, std::uint64_t indices,
+                                    const Report& report, const std::string& pointer) {
   std::unique_ptr<draco::Mesh> mesh;
   try {
     draco::DecoderBuffer buffer;
@@ -31,8 +31,8 @@ Result<DracoMesh> DracoMesh::decode(std::span<const std::uint8_t> bytes, std::ui
     draco::Decoder decoder;
     auto decoded = decoder.DecodeMeshFromBuffer(&buffer);
     if (!decoded.ok()) {
-      return report.fail(pointer, fmt::format("Draco data do not decode: {}",
-                                              in_quotes(decoded.status().error_msg_string())));
+      return report.fail(pointer,
+                         fmt::format("Draco data do not decode: {}", in_quotes(decoded.status().error_msg_string())));
     }
     mesh = std::move(decoded).value();
   } catch (const std::exception& e) {
@@ -40,9 +40,8 @@ Result<DracoMesh> DracoMesh::decode(std::span<const std::uint8_t> bytes, std::ui
   }
   const std::uint64_t corners = std::uint64_t{mesh->num_faces()} * 3;
   if (mesh->num_points() != points || corners != indices) {
-    return report.fail(pointer,
-                       fmt::format("Draco data hold {} vertices and {} indices; the accessors say {} and {}",
-                                   mesh->num_points(), corners, points, indices));
+    return report.fail(pointer, fmt::format("Draco data hold {} vertices and {} indices; the accessors say {} and {}",
+                                            mesh->num_points(), corners, points, indices));
   }
   return DracoMesh(std::move(mesh));
 }
@@ -65,8 +64,8 @@ Result<void> DracoMesh::read(int unique_id, std::size_t components, float scale,
   }
   const auto count = static_cast<std::size_t>(a->num_components());
   if (count != components || count > 4) {
-    return report.fail(pointer, fmt::format("Draco attribute {} has {} components; the accessor says {}",
-                                            unique_id, count, components));
+    return report.fail(pointer, fmt::format("Draco attribute {} has {} components; the accessor says {}", unique_id,
+                                            count, components));
   }
   if (static_cast<std::uint64_t>(a->byte_stride()) * a->size() > a->buffer()->data_size()) {
     return report.fail(pointer, fmt::format("Draco attribute {} is cut off", unique_id));
@@ -76,10 +75,8 @@ Result<void> DracoMesh::read(int unique_id, std::size_t components, float scale,
   for (draco::PointIndex p(0); p < mesh_->num_points(); ++p) {
     const draco::AttributeValueIndex value = a->mapped_index(p);
     std::array<float, 4> v{};
-    if (value.value() >= a->size() ||
-        !a->ConvertValue<float>(value, static_cast<std::int8_t>(count), v.data())) {
-      return report.fail(pointer,
-                         fmt::format("Draco attribute {} has no value for vertex {}", unique_id, p.value()));
+    if (value.value() >= a->size() || !a->ConvertValue<float>(value, static_cast<std::int8_t>(count), v.data())) {
+      return report.fail(pointer, fmt::format("Draco attribute {} has no value for vertex {}", unique_id, p.value()));
     }
     for (std::size_t c = 0; c < width; ++c) {
       const float x = c < count ? v[c] * factor : fill;

@@ -32,11 +32,10 @@ std::set<std::string> names(const Json& document, const char* list) {
 bool is_well_named(std::string_view name) {
   const std::size_t end = name.find('_');
   if (end == std::string_view::npos || end == 0 || end + 1 == name.size()) return false;
-  const bool prefix =
-      std::all_of(name.begin(), name.begin() + static_cast<std::ptrdiff_t>(end),
-                  [](unsigned char c) { return std::isupper(c) != 0 || std::isdigit(c) != 0; });
-  return prefix && std::all_of(name.begin(), name.end(),
-                               [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+  const bool prefix = std::all_of(name.begin(), name.begin() + static_cast<std::ptrdiff_t>(end),
+                                  [](unsigned char c) { return std::isupper(c) != 0 || std::isdigit(c) != 0; });
+  return prefix &&
+         std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
 }
 
 }  // namespace
@@ -55,21 +54,18 @@ void check_extensions(const Json& document, Report& report) {
   const std::set<std::string> used = names(document, "extensionsUsed");
   for (const std::string& name : names(document, "extensionsRequired")) {
     if (!is_supported_extension(name)) {
-      report.error("/extensionsRequired",
-                   fmt::format("extension {} is required and not supported; supported are {}",
-                               in_quotes(name), fmt::join(kSupported, ", ")));
+      report.error("/extensionsRequired", fmt::format("extension {} is required and not supported; supported are {}",
+                                                      in_quotes(name), fmt::join(kSupported, ", ")));
       return;
     }
     if (!used.contains(name)) {
-      report.warn("/extensionsRequired",
-                  fmt::format("extension {} is missing from extensionsUsed", in_quotes(name)));
+      report.warn("/extensionsRequired", fmt::format("extension {} is missing from extensionsUsed", in_quotes(name)));
     }
   }
   for (const std::string& name : used) {
     if (is_supported_extension(name)) continue;
     const char* odd = is_well_named(name) ? "" : " (and its name is not of the form PREFIX_name)";
-    report.warn("/extensionsUsed",
-                fmt::format("extension {} is not supported and is ignored{}", in_quotes(name), odd));
+    report.warn("/extensionsUsed", fmt::format("extension {} is not supported and is ignored{}", in_quotes(name), odd));
   }
 }
 

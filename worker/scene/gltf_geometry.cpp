@@ -59,9 +59,7 @@ Vec3f transform_normal(const Matrix44f& m, const Vec3f& n) {
   return (cross(r1, r2) * n.x + cross(r2, r0) * n.y + cross(r0, r1) * n.z) * sign;
 }
 
-bool finite_vertices(const Mesh& mesh) {
-  return std::all_of(mesh.positions.begin(), mesh.positions.end(), is_finite);
-}
+bool finite_vertices(const Mesh& mesh) { return std::all_of(mesh.positions.begin(), mesh.positions.end(), is_finite); }
 
 }  // namespace
 
@@ -82,8 +80,7 @@ Result<std::vector<Mesh>> GeometryReader::read(std::size_t index, const std::vec
 
 Result<std::optional<Mesh>> GeometryReader::read_primitive(const tinygltf::Primitive& primitive,
                                                            const std::string& pointer,
-                                                           const std::vector<double>& weights,
-                                                           const SkinPose* skin) {
+                                                           const std::vector<double>& weights, const SkinPose* skin) {
   if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
     ++points_and_lines_;
     return std::optional<Mesh>();
@@ -153,9 +150,8 @@ void GeometryReader::check_units(const Mesh& mesh, const std::string& pointer) {
   }
 }
 
-Result<void> GeometryReader::read_triangles(const tinygltf::Primitive& primitive,
-                                            const Attributes& attributes, Mesh& mesh,
-                                            const std::string& pointer) {
+Result<void> GeometryReader::read_triangles(const tinygltf::Primitive& primitive, const Attributes& attributes,
+                                            Mesh& mesh, const std::string& pointer) {
   std::vector<std::uint32_t> indices;
   const bool indexed = primitive.indices >= 0;
   int mode = primitive.mode;
@@ -168,12 +164,10 @@ Result<void> GeometryReader::read_triangles(const tinygltf::Primitive& primitive
     indices = std::move(*read);
   }
   const std::size_t vertices = mesh.positions.size();
-  const auto too_large =
-      std::find_if(indices.begin(), indices.end(), [&](std::uint32_t i) { return i >= vertices; });
+  const auto too_large = std::find_if(indices.begin(), indices.end(), [&](std::uint32_t i) { return i >= vertices; });
   if (too_large != indices.end()) {
-    return report_.fail(child(pointer, "indices"),
-                        fmt::format("index {} at {} is not below the {} vertices", *too_large,
-                                    too_large - indices.begin(), vertices));
+    return report_.fail(child(pointer, "indices"), fmt::format("index {} at {} is not below the {} vertices",
+                                                               *too_large, too_large - indices.begin(), vertices));
   }
   const std::size_t count = indexed ? indices.size() : vertices;
   if (vertices > 0xffffffffu) return report_.fail(pointer, "has more than 2^32 vertices");
@@ -187,9 +181,8 @@ Result<void> GeometryReader::read_triangles(const tinygltf::Primitive& primitive
   return {};
 }
 
-Result<void> GeometryReader::apply_morph(const tinygltf::Primitive& primitive,
-                                         const std::vector<double>& weights, Mesh& mesh,
-                                         const std::string& pointer) {
+Result<void> GeometryReader::apply_morph(const tinygltf::Primitive& primitive, const std::vector<double>& weights,
+                                         Mesh& mesh, const std::string& pointer) {
   for (std::size_t t = 0; t < std::min(primitive.targets.size(), weights.size()); ++t) {
     const auto weight = static_cast<float>(weights[t]);
     if (weight == 0.0f) continue;
@@ -219,8 +212,7 @@ Result<void> GeometryReader::apply_morph(const tinygltf::Primitive& primitive,
 Result<void> GeometryReader::apply_skin(const Attributes& attributes, const SkinPose& skin, Mesh& mesh,
                                         const std::string& pointer) {
   std::vector<Influences> sets;
-  for (int n = 0; attributes.has(fmt::format("JOINTS_{}", n)) && attributes.has(fmt::format("WEIGHTS_{}", n));
-       ++n) {
+  for (int n = 0; attributes.has(fmt::format("JOINTS_{}", n)) && attributes.has(fmt::format("WEIGHTS_{}", n)); ++n) {
     auto joints = attributes.vectors<Vec4f>(fmt::format("JOINTS_{}", n));
     if (!joints) return tl::unexpected(joints.error());
     auto weights = attributes.vectors<Vec4f>(fmt::format("WEIGHTS_{}", n));
@@ -238,11 +230,9 @@ Result<void> GeometryReader::apply_skin(const Attributes& attributes, const Skin
       for (int c = 0; c < 4; ++c) {
         const float joint = set.joints[i][c];
         const float weight = set.weights[i][c];
-        if (weight < 0.0f)
-          return report_.fail(pointer, fmt::format("vertex {} has a negative joint weight", i));
+        if (weight < 0.0f) return report_.fail(pointer, fmt::format("vertex {} has a negative joint weight", i));
         if (!(joint >= 0.0f && joint < static_cast<float>(skin.size()))) {
-          const std::string what =
-              fmt::format("vertex {} names joint {}; the skin has {}", i, joint, skin.size());
+          const std::string what = fmt::format("vertex {} names joint {}; the skin has {}", i, joint, skin.size());
           if (weight > 0.0f) return report_.fail(pointer, what);
           report_.warn(pointer, what + " (its weight is 0)");
           continue;
@@ -317,9 +307,8 @@ Result<void> GeometryReader::complete_uv(Mesh& mesh, const std::string& pointer)
   for (const TextureRef* ref : texture_refs(material)) {
     if (!ref->present()) continue;
     if (ref->uv_set >= kMaxUvSets) {
-      return report_.fail(
-          pointer, fmt::format("its material reads TEXCOORD_{}; at most {} sets are supported", ref->uv_set,
-                               kMaxUvSets));
+      return report_.fail(pointer, fmt::format("its material reads TEXCOORD_{}; at most {} sets are supported",
+                                               ref->uv_set, kMaxUvSets));
     }
     auto& set = mesh.uv[static_cast<std::size_t>(ref->uv_set)];
     if (set.empty()) set.assign(mesh.positions.size(), Vec2f(0.0f, 0.0f));  // check_meshes has warned
@@ -337,8 +326,7 @@ void GeometryReader::finish_tangents(Mesh& mesh) {
     std::vector<Vec2f> uv = mesh.uv[static_cast<std::size_t>(map.uv_set)];
     for (Vec2f& x : uv) {
       x = transform_uv(map, x);
-      if (!std::isfinite(x.x) || !std::isfinite(x.y))
-        x = Vec2f(0.0f, 0.0f);  // overflow of KHR_texture_transform
+      if (!std::isfinite(x.x) || !std::isfinite(x.y)) x = Vec2f(0.0f, 0.0f);  // overflow of KHR_texture_transform
     }
     generate_tangents(mesh, uv);
     return;
@@ -353,12 +341,10 @@ void GeometryReader::finish_tangents(Mesh& mesh) {
 
 void GeometryReader::report_counts() {
   if (points_and_lines_ > 0) {
-    report_.warn("/meshes",
-                 fmt::format("{} primitives of points or lines are left out: only surfaces are rendered",
-                             points_and_lines_));
+    report_.warn("/meshes", fmt::format("{} primitives of points or lines are left out: only surfaces are rendered",
+                                        points_and_lines_));
   }
-  if (degenerate_ > 0)
-    report_.warn("/meshes", fmt::format("{} triangles without area are left out", degenerate_));
+  if (degenerate_ > 0) report_.warn("/meshes", fmt::format("{} triangles without area are left out", degenerate_));
   points_and_lines_ = degenerate_ = 0;
 }
 

@@ -19,8 +19,7 @@ using SkinPose = std::vector<Matrix44f>;
 /// skin, normals and tangents.
 class GeometryReader {
  public:
-  GeometryReader(const Model& model, const std::vector<Material>& materials, AccessorReader& accessors,
-                 Report& report)
+  GeometryReader(const Model& model, const std::vector<Material>& materials, AccessorReader& accessors, Report& report)
       : model_(model), materials_(materials), accessors_(accessors), report_(report) {}
 
   /// The triangle primitives of glTF mesh `mesh`. `weights`: of the node, else empty (the mesh's own count).
@@ -34,15 +33,12 @@ class GeometryReader {
  private:
   [[nodiscard]] Result<std::optional<Mesh>> read_primitive(const tinygltf::Primitive& primitive,
                                                            const std::string& pointer,
-                                                           const std::vector<double>& weights,
-                                                           const SkinPose* skin);
+                                                           const std::vector<double>& weights, const SkinPose* skin);
   [[nodiscard]] Result<void> read_vertices(const Attributes& attributes, Mesh& mesh);
-  [[nodiscard]] Result<void> read_triangles(const tinygltf::Primitive& primitive,
-                                            const Attributes& attributes, Mesh& mesh,
-                                            const std::string& pointer);
-  [[nodiscard]] Result<void> apply_morph(const tinygltf::Primitive& primitive,
-                                         const std::vector<double>& weights, Mesh& mesh,
-                                         const std::string& pointer);
+  [[nodiscard]] Result<void> read_triangles(const tinygltf::Primitive& primitive, const Attributes& attributes,
+                                            Mesh& mesh, const std::string& pointer);
+  [[nodiscard]] Result<void> apply_morph(const tinygltf::Primitive& primitive, const std::vector<double>& weights,
+                                         Mesh& mesh, const std::string& pointer);
   [[nodiscard]] Result<void> apply_skin(const Attributes& attributes, const SkinPose& skin, Mesh& mesh,
                                         const std::string& pointer);
   void drop_degenerate(Mesh& mesh);

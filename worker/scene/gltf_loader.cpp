@@ -33,12 +33,12 @@ Result<void> check_camera(const SceneDescription& scene, const std::string& want
   }
   if (names.empty())
     return report.fail("/cameras", fmt::format("no camera {}; the scene has none", gltf::in_quotes(wanted)));
-  return report.fail("/cameras", fmt::format("no camera {}; the scene has {}", gltf::in_quotes(wanted),
-                                             fmt::join(names, ", ")));
+  return report.fail("/cameras",
+                     fmt::format("no camera {}; the scene has {}", gltf::in_quotes(wanted), fmt::join(names, ", ")));
 }
 
-Result<SceneDescription> read_scene(const gltf::Model& model, const gltf::Folder& folder,
-                                    const std::string& scene, Report& report) {
+Result<SceneDescription> read_scene(const gltf::Model& model, const gltf::Folder& folder, const std::string& scene,
+                                    Report& report) {
   SceneDescription out;
   gltf::TextureTable textures(model, folder, report);
   for (std::size_t i = 0; i < model.gltf.materials.size(); ++i) {
@@ -69,8 +69,8 @@ Result<SceneDescription> read_scene(const gltf::Model& model, const gltf::Folder
   return out;
 }
 
-Result<SceneDescription> load(std::span<const std::uint8_t> bytes, const gltf::Folder& folder,
-                              const std::string& name, const std::string& scene, const std::string& camera) {
+Result<SceneDescription> load(std::span<const std::uint8_t> bytes, const gltf::Folder& folder, const std::string& name,
+                              const std::string& scene, const std::string& camera) {
   Report report(name);
   try {
     auto container = gltf::split(bytes, report);

@@ -15,16 +15,14 @@ Rgb rgb(const std::vector<double>& v, const Rgb& absent) {
 Rgb rgb_or(const tinygltf::Value& object, const std::string& name, const Rgb& absent) {
   const tinygltf::Value* v = find(object, name);
   if (v == nullptr || v->ArrayLen() < 3) return absent;
-  return {static_cast<float>(v->Get(0).GetNumberAsDouble()),
-          static_cast<float>(v->Get(1).GetNumberAsDouble()),
+  return {static_cast<float>(v->Get(0).GetNumberAsDouble()), static_cast<float>(v->Get(1).GetNumberAsDouble()),
           static_cast<float>(v->Get(2).GetNumberAsDouble())};
 }
 
 Vec2f vec2_or(const tinygltf::Value& object, const std::string& name, const Vec2f& absent) {
   const tinygltf::Value* v = find(object, name);
   if (v == nullptr || v->ArrayLen() < 2) return absent;
-  return {static_cast<float>(v->Get(0).GetNumberAsDouble()),
-          static_cast<float>(v->Get(1).GetNumberAsDouble())};
+  return {static_cast<float>(v->Get(0).GetNumberAsDouble()), static_cast<float>(v->Get(1).GetNumberAsDouble())};
 }
 
 /// Reads one material; the first error stays in `error` and later slots are skipped.
@@ -49,8 +47,7 @@ class MaterialReader {
   Result<void> status_;
 };
 
-TextureRef MaterialReader::texture(int index, int uv_set, const tinygltf::Value* transform,
-                                   ColorSpace color_space) {
+TextureRef MaterialReader::texture(int index, int uv_set, const tinygltf::Value* transform, ColorSpace color_space) {
   TextureRef out;
   if (index < 0 || !status_) return out;
   const auto added = textures_.add(index, color_space);
@@ -68,8 +65,7 @@ TextureRef MaterialReader::texture(int index, int uv_set, const tinygltf::Value*
   return out;
 }
 
-TextureRef MaterialReader::texture(const tinygltf::Value& owner, const std::string& name,
-                                   ColorSpace color_space) {
+TextureRef MaterialReader::texture(const tinygltf::Value& owner, const std::string& name, ColorSpace color_space) {
   const tinygltf::Value* info = find(owner, name);
   if (info == nullptr) return {};
   const tinygltf::Value* nested = find(*info, "extensions");
@@ -137,8 +133,7 @@ void MaterialReader::extensions(const tinygltf::ExtensionMap& in, Material& out)
 
 }  // namespace
 
-Result<Material> read_material(const Model& model, std::size_t index, TextureTable& textures,
-                               Report& report) {
+Result<Material> read_material(const Model& model, std::size_t index, TextureTable& textures, Report& report) {
   const tinygltf::Material& in = model.gltf.materials[index];
   MaterialReader reader(textures);
   Material out;

@@ -34,14 +34,13 @@ struct Format {
   unsigned components;     ///< core
   unsigned quantized;      ///< with KHR_mesh_quantization, too
 };
-constexpr Format kFormats[] = {
-    {"POSITION", false, "VEC3", kF32, kI8 | kU8 | kI16 | kU16 | kI8n | kU8n | kI16n | kU16n},
-    {"NORMAL", false, "VEC3", kF32, kI8n | kI16n},
-    {"TANGENT", false, "VEC4", kF32, kI8n | kI16n},
-    {"TEXCOORD", true, "VEC2", kF32 | kU8n | kU16n, kI8 | kU8 | kI16 | kU16 | kI8n | kI16n},
-    {"COLOR", true, "VEC3 VEC4", kF32 | kU8n | kU16n, 0},
-    {"JOINTS", true, "VEC4", kU8 | kU16, 0},
-    {"WEIGHTS", true, "VEC4", kF32 | kU8n | kU16n, 0}};
+constexpr Format kFormats[] = {{"POSITION", false, "VEC3", kF32, kI8 | kU8 | kI16 | kU16 | kI8n | kU8n | kI16n | kU16n},
+                               {"NORMAL", false, "VEC3", kF32, kI8n | kI16n},
+                               {"TANGENT", false, "VEC4", kF32, kI8n | kI16n},
+                               {"TEXCOORD", true, "VEC2", kF32 | kU8n | kU16n, kI8 | kU8 | kI16 | kU16 | kI8n | kI16n},
+                               {"COLOR", true, "VEC3 VEC4", kF32 | kU8n | kU16n, 0},
+                               {"JOINTS", true, "VEC4", kU8 | kU16, 0},
+                               {"WEIGHTS", true, "VEC4", kF32 | kU8n | kU16n, 0}};
 constexpr Format kTargetFormats[] = {
     {"POSITION", false, "VEC3", kF32, kI8 | kI16 | kI8n | kI16n},
     {"NORMAL", false, "VEC3", kF32, kI8n | kI16n},
@@ -73,12 +72,10 @@ const Format* find_format(std::span<const Format> formats, std::string_view name
       if (name == f.semantic) return &f;
       continue;
     }
-    if (!name.starts_with(f.semantic) || name.size() < f.semantic.size() + 2 ||
-        name[f.semantic.size()] != '_')
+    if (!name.starts_with(f.semantic) || name.size() < f.semantic.size() + 2 || name[f.semantic.size()] != '_')
       continue;
     const std::string_view digits = name.substr(f.semantic.size() + 1);
-    const bool number =
-        std::all_of(digits.begin(), digits.end(), [](char c) { return c >= '0' && c <= '9'; });
+    const bool number = std::all_of(digits.begin(), digits.end(), [](char c) { return c >= '0' && c <= '9'; });
     if (number && (digits.size() == 1 || digits[0] != '0')) return &f;
   }
   return nullptr;
@@ -87,16 +84,12 @@ const Format* find_format(std::span<const Format> formats, std::string_view name
 class PrimitiveChecker {
  public:
   PrimitiveChecker(const Json& document, Report& report)
-      : document_(document),
-        report_(report),
-        quantization_(uses_extension(document, "KHR_mesh_quantization")) {}
+      : document_(document), report_(report), quantization_(uses_extension(document, "KHR_mesh_quantization")) {}
 
   void check(const Json& primitive, const std::string& pointer);
 
  private:
-  const Json& accessor(const Json& index) const {
-    return elements(document_, "accessors")[index.get<std::size_t>()];
-  }
+  const Json& accessor(const Json& index) const { return elements(document_, "accessors")[index.get<std::size_t>()]; }
   void check_format(const Json& accessor_json, const Format& format, const std::string& pointer);
   void check_attributes(const Json& primitive, const std::string& pointer);
   void check_continuity(const Json& attributes, const std::string& pointer);
@@ -113,8 +106,7 @@ class PrimitiveChecker {
 void PrimitiveChecker::check_format(const Json& a, const Format& format, const std::string& pointer) {
   const std::string type = text_or(a, "type", "");
   const unsigned bits = components_of(a);
-  if (format.types.find(type) == std::string_view::npos ||
-      (bits & (format.components | format.quantized)) == 0) {
+  if (format.types.find(type) == std::string_view::npos || (bits & (format.components | format.quantized)) == 0) {
     report_.error(pointer, fmt::format("accessor holds {} of componentType {}{}, which {} cannot be", type,
                                        unsigned_or(a, "componentType", 0),
                                        a.value("normalized", false) ? " (normalized)" : "", format.semantic));
@@ -190,8 +182,8 @@ void PrimitiveChecker::check_layout(const Json& attributes, const std::string& p
     const std::uint64_t view_index = unsigned_or(a, "bufferView", 0);
     const Json& view = elements(document_, "bufferViews")[view_index];
     accessors_of_view[view_index].insert(index.get<std::size_t>());
-    const std::uint64_t stride = unsigned_or(
-        view, "byteStride", element_bytes(unsigned_or(a, "componentType", 0), text_or(a, "type", "")));
+    const std::uint64_t stride =
+        unsigned_or(view, "byteStride", element_bytes(unsigned_or(a, "componentType", 0), text_or(a, "type", "")));
     if (unsigned_or(a, "byteOffset", 0) % 4 != 0 || stride % 4 != 0) {
       report_.warn(child(pointer, name), "vertex attribute is not aligned to 4 bytes");
     }
@@ -200,8 +192,7 @@ void PrimitiveChecker::check_layout(const Json& attributes, const std::string& p
   }
   for (const auto& [view, indices] : accessors_of_view) {
     if (indices.size() > 1 && !elements(document_, "bufferViews")[view].contains("byteStride")) {
-      report_.warn(pointer,
-                   fmt::format("buffer view {} holds several attributes and has no byteStride", view));
+      report_.warn(pointer, fmt::format("buffer view {} holds several attributes and has no byteStride", view));
     }
   }
 }
@@ -213,18 +204,15 @@ void PrimitiveChecker::check_indices(const Json& primitive, const std::string& p
     const Json& a = accessor(primitive["indices"]);
     const std::uint64_t component = unsigned_or(a, "componentType", 0);
     const std::string at = child(pointer, "indices");
-    if (text_or(a, "type", "") != "SCALAR" ||
-        !(component == 5121 || component == 5123 || component == 5125)) {
-      report_.error(at,
-                    fmt::format("accessor holds {} of componentType {}; expected SCALAR of unsigned integers",
-                                text_or(a, "type", ""), component));
+    if (text_or(a, "type", "") != "SCALAR" || !(component == 5121 || component == 5123 || component == 5125)) {
+      report_.error(at, fmt::format("accessor holds {} of componentType {}; expected SCALAR of unsigned integers",
+                                    text_or(a, "type", ""), component));
     }
     if (a.value("normalized", false)) report_.warn(at, "accessor of indices is normalized, which is ignored");
     if (a.contains("bufferView")) {
       const Json& view = elements(document_, "bufferViews")[unsigned_or(a, "bufferView", 0)];
       if (view.contains("byteStride")) report_.warn(at, "buffer view of indices has a byteStride");
-      if (unsigned_or(view, "target", 34963) != 34963)
-        report_.warn(at, "buffer view's target says vertex attributes");
+      if (unsigned_or(view, "target", 34963) != 34963) report_.warn(at, "buffer view's target says vertex attributes");
     }
     count = unsigned_or(a, "count", 0);
     what = "indices";
@@ -236,8 +224,7 @@ void PrimitiveChecker::check_indices(const Json& primitive, const std::string& p
   const std::uint64_t mode = unsigned_or(primitive, "mode", 4);
   const bool odd = (mode == 1 && count % 2 != 0) || ((mode == 2 || mode == 3) && count < 2) ||
                    (mode == 4 && count % 3 != 0) || (mode >= 5 && count < 3);
-  if (odd)
-    report_.warn(pointer, fmt::format("{} {} do not make whole primitives of mode {}", count, what, mode));
+  if (odd) report_.warn(pointer, fmt::format("{} {} do not make whole primitives of mode {}", count, what, mode));
 }
 
 void PrimitiveChecker::check_targets(const Json& primitive, const std::string& pointer) {
@@ -249,8 +236,7 @@ void PrimitiveChecker::check_targets(const Json& primitive, const std::string& p
     for (const auto& [name, index] : target.items()) {
       const Format* format = find_format(kTargetFormats, name);
       if (format == nullptr) {
-        if (!name.starts_with("_"))
-          report_.warn(child(at, name), "unknown morph target attribute is ignored");
+        if (!name.starts_with("_")) report_.warn(child(at, name), "unknown morph target attribute is ignored");
       } else if (!attributes.contains(name)) {
         report_.warn(child(at, name), "has no base attribute and is ignored");
       } else {
@@ -286,9 +272,8 @@ void PrimitiveChecker::check_material(const Json& primitive, const std::string& 
   for (const std::uint64_t set : sets) {
     const std::string name = fmt::format("TEXCOORD_{}", set);
     if (!primitive["attributes"].contains(name)) {
-      report_.warn(pointer,
-                   fmt::format("material {} reads {}, which the primitive does not have; (0, 0) is taken",
-                               unsigned_or(primitive, "material", 0), name));
+      report_.warn(pointer, fmt::format("material {} reads {}, which the primitive does not have; (0, 0) is taken",
+                                        unsigned_or(primitive, "material", 0), name));
     }
   }
 }

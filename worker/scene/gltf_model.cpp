@@ -16,8 +16,7 @@ namespace {
 /// Buffers may name the same file again and again.
 constexpr std::uint64_t kMaxBufferBytes = 2 * kMaxFileBytes;
 
-Result<Bytes> load_buffer(const Json& buffer, const std::string& pointer, const Folder& folder,
-                          Report& report) {
+Result<Bytes> load_buffer(const Json& buffer, const std::string& pointer, const Folder& folder, Report& report) {
   const std::string& uri = buffer["uri"].get_ref<const std::string&>();
   const std::string at = child(pointer, "uri");
   const std::uint64_t length = unsigned_or(buffer, "byteLength", 0);
@@ -26,8 +25,7 @@ Result<Bytes> load_buffer(const Json& buffer, const std::string& pointer, const 
     auto data = decode_data_uri(uri);
     if (!data) return report.fail(at, data.error());
     if (data->media_type != "application/octet-stream" && data->media_type != "application/gltf-buffer") {
-      report.warn(at, fmt::format("has media type {}; expected application/octet-stream",
-                                  in_quotes(data->media_type)));
+      report.warn(at, fmt::format("has media type {}; expected application/octet-stream", in_quotes(data->media_type)));
     }
     bytes = std::move(data->bytes);
   } else {
@@ -40,8 +38,7 @@ Result<Bytes> load_buffer(const Json& buffer, const std::string& pointer, const 
   }
   if (bytes.size() < length)
     return report.fail(pointer, fmt::format("has {} bytes; byteLength says {}", bytes.size(), length));
-  if (bytes.size() > length)
-    report.warn(pointer, fmt::format("has more bytes than byteLength {} says", length));
+  if (bytes.size() > length) report.warn(pointer, fmt::format("has more bytes than byteLength {} says", length));
   bytes.resize(length);
   return bytes;
 }
@@ -65,8 +62,7 @@ Result<std::vector<Bytes>> load_buffers(const Container& container, const Folder
     } else if (i == 0 && container.bin) {
       const std::uint64_t size = container.bin->size();
       if (size < length)
-        return report.fail(pointer,
-                           fmt::format("byteLength is {}; the BIN chunk has {} bytes", length, size));
+        return report.fail(pointer, fmt::format("byteLength is {}; the BIN chunk has {} bytes", length, size));
       // The chunk is padded to a multiple of four.
       if (size > length + 3)
         report.warn(pointer, fmt::format("byteLength is {}; the BIN chunk has {} bytes", length, size));
@@ -100,9 +96,7 @@ Indices take_indices(Json& document) {
 bool no_file_exists(const std::string&, void*) { return false; }
 std::string unexpanded(const std::string& path, void*) { return path; }
 bool read_nothing(std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; }
-bool write_nothing(std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
-  return false;
-}
+bool write_nothing(std::string*, const std::string&, const std::vector<unsigned char>&, void*) { return false; }
 
 Result<tinygltf::Model> parse(const Json& document, Report& report) {
   tinygltf::Model model;
@@ -112,10 +106,8 @@ Result<tinygltf::Model> parse(const Json& document, Report& report) {
     tinygltf::TinyGLTF loader;
     loader.SetFsCallbacks({&no_file_exists, &unexpanded, &read_nothing, &write_nothing, nullptr});
     const std::string text = document.dump();
-    if (text.size() > std::numeric_limits<unsigned>::max())
-      return report.fail("", "JSON is larger than 4 GiB");
-    if (!loader.LoadASCIIFromString(&model, &error, &warning, text.data(), static_cast<unsigned>(text.size()),
-                                    "")) {
+    if (text.size() > std::numeric_limits<unsigned>::max()) return report.fail("", "JSON is larger than 4 GiB");
+    if (!loader.LoadASCIIFromString(&model, &error, &warning, text.data(), static_cast<unsigned>(text.size()), "")) {
       std::replace_if(
           error.begin(), error.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
       return report.fail("", fmt::format("not valid glTF: {}", error));
@@ -147,8 +139,7 @@ float number_or(const tinygltf::Value& object, const std::string& name, float ab
   return value != nullptr && value->IsNumber() ? static_cast<float>(value->GetNumberAsDouble()) : absent;
 }
 
-Result<Model> make_model(Container container, std::uint64_t document_bytes, const Folder& folder,
-                         Report& report) {
+Result<Model> make_model(Container container, std::uint64_t document_bytes, const Folder& folder, Report& report) {
   auto buffers = load_buffers(container, folder, report);
   if (!buffers) return tl::unexpected(buffers.error());
   Model out;
@@ -161,8 +152,7 @@ Result<Model> make_model(Container container, std::uint64_t document_bytes, cons
   if (!parsed) return tl::unexpected(parsed.error());
   out.gltf = std::move(*parsed);
   for (std::size_t m = 0; m < indices.size(); ++m) {
-    for (std::size_t p = 0; p < indices[m].size(); ++p)
-      out.gltf.meshes.at(m).primitives.at(p).indices = indices[m][p];
+    for (std::size_t p = 0; p < indices[m].size(); ++p) out.gltf.meshes.at(m).primitives.at(p).indices = indices[m][p];
   }
   out.bytes = document_bytes;
   for (Bytes& bytes : *buffers) {

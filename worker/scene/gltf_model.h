@@ -23,8 +23,8 @@ struct Model {
 /// Loads buffers (external files through `folder`, data: URIs, the GLB's BIN chunk) and lets tinygltf read
 /// the rest. tinygltf itself opens no file. `container.document` must have passed check_document and is
 /// consumed.
-[[nodiscard]] Result<Model> make_model(Container container, std::uint64_t document_bytes,
-                                       const Folder& folder, Report& report);
+[[nodiscard]] Result<Model> make_model(Container container, std::uint64_t document_bytes, const Folder& folder,
+                                       Report& report);
 
 // tinygltf::Value is awkward about absent members; these are not.
 

@@ -62,13 +62,9 @@ bool has_shear(const Json& m) {
 void check_transform(const Json& node, const std::string& pointer, Report& report) {
   const bool trs = node.contains("translation") || node.contains("rotation") || node.contains("scale");
   if (node.contains("matrix")) {
-    if (trs)
-      report.error(pointer,
-                   "has both a matrix and translation, rotation or scale; expected one or the other");
+    if (trs) report.error(pointer, "has both a matrix and translation, rotation or scale; expected one or the other");
     const Json& m = node["matrix"];
-    const auto differs = [&](int i, double expected) {
-      return std::abs(m[i].get<double>() - expected) > 1e-4;
-    };
+    const auto differs = [&](int i, double expected) { return std::abs(m[i].get<double>() - expected) > 1e-4; };
     if (differs(3, 0) || differs(7, 0) || differs(11, 0) || differs(15, 1)) {
       report.error(child(pointer, "matrix"), "is not affine; expected 0, 0, 0, 1 as the last row");
     }
@@ -81,8 +77,7 @@ void check_transform(const Json& node, const std::string& pointer, Report& repor
   if (length2 == 0) {
     report.error(child(pointer, "rotation"), "is zero; expected a unit quaternion");
   } else if (std::abs(std::sqrt(length2) - 1.0) > 5e-4) {
-    report.warn(child(pointer, "rotation"),
-                fmt::format("has length {:.6g}; it is normalised", std::sqrt(length2)));
+    report.warn(child(pointer, "rotation"), fmt::format("has length {:.6g}; it is normalised", std::sqrt(length2)));
   }
 }
 
@@ -102,8 +97,8 @@ void check_node_mesh(const Json& document, const Json& node, const std::string& 
   const Json& mesh = elements(document, "meshes")[unsigned_or(node, "mesh", 0)];
   const std::size_t targets = target_count(mesh);
   if (node.contains("weights") && node["weights"].size() != targets) {
-    report.error(child(pointer, "weights"), fmt::format("has {} values; the mesh has {} morph targets",
-                                                        node["weights"].size(), targets));
+    report.error(child(pointer, "weights"),
+                 fmt::format("has {} values; the mesh has {} morph targets", node["weights"].size(), targets));
   }
   const auto has_joints = [](const Json& p) { return p["attributes"].contains("JOINTS_0"); };
   const bool skinned = std::any_of(mesh["primitives"].begin(), mesh["primitives"].end(), has_joints);
@@ -119,12 +114,10 @@ void check_scenes(const Json& document, const std::vector<int>& parent, Report& 
     for (std::size_t k = 0; k < scenes[i]["nodes"].size(); ++k) {
       const auto node = scenes[i]["nodes"][k].get<std::size_t>();
       const std::string pointer = fmt::format("/scenes/{}/nodes/{}", i, k);
-      if (!seen.insert(node).second)
-        report.warn(pointer, fmt::format("node {} is listed twice and counts once", node));
+      if (!seen.insert(node).second) report.warn(pointer, fmt::format("node {} is listed twice and counts once", node));
       if (parent[node] != kNoParent) {
-        report.warn(pointer,
-                    fmt::format("node {} is not a root: it is a child of node {}, whose transform counts",
-                                node, parent[node]));
+        report.warn(pointer, fmt::format("node {} is not a root: it is a child of node {}, whose transform counts",
+                                         node, parent[node]));
       }
     }
   }
@@ -159,8 +152,7 @@ void check_skin(const Json& document, const Json& skin, const Forest& forest, co
       skin.contains("skeleton") ? below(unsigned_or(skin, "skeleton", 0), forest) : std::vector<bool>();
   for (const Json& joint : joints) {
     const auto node = joint.get<std::size_t>();
-    if (!seen.insert(node).second)
-      report.warn(child(pointer, "joints"), fmt::format("node {} is listed twice", node));
+    if (!seen.insert(node).second) report.warn(child(pointer, "joints"), fmt::format("node {} is listed twice", node));
     if (forest.root[node] != root) report.warn(child(pointer, "joints"), "joints have no common root");
     if (!inside.empty() && !inside[node]) {
       report.warn(child(pointer, "skeleton"), fmt::format("is not an ancestor of joint {}", node));
@@ -173,8 +165,7 @@ void check_skin(const Json& document, const Json& skin, const Forest& forest, co
   if (text_or(accessor, "type", "") != "MAT4" || unsigned_or(accessor, "componentType", 0) != 5126) {
     report.error(at, fmt::format("accessor {} holds other values; expected MAT4 of floats", index));
   } else if (unsigned_or(accessor, "count", 0) < joints.size()) {
-    report.error(at,
-                 fmt::format("accessor {} holds fewer matrices than the {} joints", index, joints.size()));
+    report.error(at, fmt::format("accessor {} holds fewer matrices than the {} joints", index, joints.size()));
   }
 }
 
@@ -195,12 +186,10 @@ void check_instancing(const Json& document, const Json& node, const std::string&
         report.error(child(at, name), "accessor holds other values; expected VEC3 of floats");
     } else if (name == "ROTATION") {
       if (type != "VEC4" || !(component == 5126 || integer)) {
-        report.error(child(at, name),
-                     "accessor holds other values; expected VEC4 of floats or normalized integers");
+        report.error(child(at, name), "accessor holds other values; expected VEC4 of floats or normalized integers");
       }
     } else if (!name.starts_with("_")) {
-      report.warn(child(at, name),
-                  "unknown instance attribute is ignored; expected TRANSLATION, ROTATION, SCALE");
+      report.warn(child(at, name), "unknown instance attribute is ignored; expected TRANSLATION, ROTATION, SCALE");
     }
   }
   if (counts.size() > 1) report.error(at, "accessors have different counts; expected one count");
@@ -237,8 +226,7 @@ void check_skins(const Json& document, Report& report) {
   forest.order = parents_first(nodes, forest.parent);
   forest.root.resize(nodes.size());
   for (const std::size_t i : forest.order) {
-    forest.root[i] =
-        forest.parent[i] == kNoParent ? i : forest.root[static_cast<std::size_t>(forest.parent[i])];
+    forest.root[i] = forest.parent[i] == kNoParent ? i : forest.root[static_cast<std::size_t>(forest.parent[i])];
   }
   const Json& skins = elements(document, "skins");
   std::vector<bool> used(skins.size(), false);

@@ -98,11 +98,11 @@ Result<std::vector<int>> NodeReader::roots(const std::string& wanted) {
       if (scenes[i].name == wanted) return scenes[i].nodes;
       names.push_back(fmt::format("{} ({})", in_quotes(scenes[i].name), i));
     }
-    const bool number = wanted.size() < 9 && std::all_of(wanted.begin(), wanted.end(),
-                                                         [](char c) { return c >= '0' && c <= '9'; });
+    const bool number =
+        wanted.size() < 9 && std::all_of(wanted.begin(), wanted.end(), [](char c) { return c >= '0' && c <= '9'; });
     if (number && std::stoul(wanted) < scenes.size()) return scenes[std::stoul(wanted)].nodes;
-    return report_.fail(
-        "/scenes", fmt::format("no scene {}; the file has {}", in_quotes(wanted), fmt::join(names, ", ")));
+    return report_.fail("/scenes",
+                        fmt::format("no scene {}; the file has {}", in_quotes(wanted), fmt::join(names, ", ")));
   }
   if (!scenes.empty()) {
     const int index = model_.gltf.defaultScene;
@@ -157,8 +157,8 @@ Result<SkinPose> NodeReader::pose(std::size_t index) {
   const tinygltf::Skin& skin = model_.gltf.skins[index];
   std::vector<Matrix44f> bind(skin.joints.size());
   if (skin.inverseBindMatrices >= 0) {
-    auto read = accessors_.vectors<Matrix44f>(skin.inverseBindMatrices,
-                                              fmt::format("/skins/{}/inverseBindMatrices", index));
+    auto read =
+        accessors_.vectors<Matrix44f>(skin.inverseBindMatrices, fmt::format("/skins/{}/inverseBindMatrices", index));
     if (!read) return tl::unexpected(read.error());
     std::copy_n(read->begin(), bind.size(), bind.begin());
   }
@@ -220,8 +220,7 @@ Result<std::vector<Matrix44f>> NodeReader::placements(std::size_t index) {
   for (std::size_t i = 0; i < out.size(); ++i) {
     Imath::V4d q = i < rotation.size() ? Imath::V4d(rotation[i]) : Imath::V4d(0, 0, 0, 1);
     if (q.dot(q) == 0) {
-      return report_.fail(child(pointer, "ROTATION"),
-                          fmt::format("instance {} has a quaternion of length 0", i));
+      return report_.fail(child(pointer, "ROTATION"), fmt::format("instance {} has a quaternion of length 0", i));
     }
     out[i] = to_float(trs(i < translation.size() ? Imath::V3d(translation[i]) : Imath::V3d(0, 0, 0), q,
                           i < scale.size() ? Imath::V3d(scale[i]) : Imath::V3d(1, 1, 1)) *
@@ -236,8 +235,7 @@ Result<void> NodeReader::place_mesh(std::size_t index, SceneDescription& out) {
   const auto matrices = placements(index);
   if (!matrices) return tl::unexpected(matrices.error());
   // A node counts once for each primitive, an instance is 17 numbers.
-  if (auto r = accessors_.spend(std::uint64_t{meshes->size()} * matrices->size(), child("/nodes", index)); !r)
-    return r;
+  if (auto r = accessors_.spend(std::uint64_t{meshes->size()} * matrices->size(), child("/nodes", index)); !r) return r;
   std::size_t dropped = 0;
   for (const Matrix44f& m : *matrices) {
     if (!is_finite_matrix(m) || !is_invertible(m)) {
@@ -277,14 +275,12 @@ void NodeReader::place_light(std::size_t index, SceneDescription& out) {
   light.kind = in.type == "directional" ? PunctualKind::kDirectional
                : in.type == "spot"      ? PunctualKind::kSpot
                                         : PunctualKind::kPoint;
-  const Rgb color = in.color.size() == 3
-                        ? Rgb(static_cast<float>(in.color[0]), static_cast<float>(in.color[1]),
-                              static_cast<float>(in.color[2]))
-                        : Rgb(1.0f, 1.0f, 1.0f);
+  const Rgb color = in.color.size() == 3 ? Rgb(static_cast<float>(in.color[0]), static_cast<float>(in.color[1]),
+                                               static_cast<float>(in.color[2]))
+                                         : Rgb(1.0f, 1.0f, 1.0f);
   light.intensity = color * static_cast<float>(in.intensity);
   const Imath::M44d& m = to_world_[index];
-  light.position =
-      Vec3f(static_cast<float>(m[3][0]), static_cast<float>(m[3][1]), static_cast<float>(m[3][2]));
+  light.position = Vec3f(static_cast<float>(m[3][0]), static_cast<float>(m[3][1]), static_cast<float>(m[3][2]));
   const Imath::V3d z(-m[2][0], -m[2][1], -m[2][2]);  // shines along local -z
   const double l = z.length();
   if (light.kind != PunctualKind::kPoint && !(l > 0)) {

@@ -47,7 +47,6 @@ class NodeReader {
 /// Local transform of a node, row-vector convention.
 [[nodiscard]] Imath::M44d local_transform(const tinygltf::Node& node);
 /// scale, then rotation by quaternion (x, y, z, w; normalised here), then translation.
-[[nodiscard]] Imath::M44d trs(const Imath::V3d& translation, const Imath::V4d& rotation,
-                              const Imath::V3d& scale);
+[[nodiscard]] Imath::M44d trs(const Imath::V3d& translation, const Imath::V4d& rotation, const Imath::V3d& scale);
 
 }  // namespace pf::gltf

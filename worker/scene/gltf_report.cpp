@@ -47,13 +47,10 @@ std::string child(std::string_view pointer, std::string_view key) {
   return out;
 }
 
-std::string child(std::string_view pointer, std::size_t index) {
-  return fmt::format("{}/{}", pointer, index);
-}
+std::string child(std::string_view pointer, std::size_t index) { return fmt::format("{}/{}", pointer, index); }
 
 std::string Report::line(std::string_view pointer, std::string_view what) const {
-  return pointer.empty() ? fmt::format("{}: {}", file_, what)
-                         : fmt::format("{}: {}: {}", file_, pointer, what);
+  return pointer.empty() ? fmt::format("{}: {}", file_, what) : fmt::format("{}: {}: {}", file_, pointer, what);
 }
 
 void Report::error(std::string_view pointer, std::string_view what) {
@@ -71,8 +68,7 @@ void Report::add_warning(std::string text) {
     ++suppressed_;
     return;
   }
-  if (std::find(warnings_.begin(), warnings_.end(), text) == warnings_.end())
-    warnings_.push_back(std::move(text));
+  if (std::find(warnings_.begin(), warnings_.end(), text) == warnings_.end()) warnings_.push_back(std::move(text));
 }
 
 tl::unexpected<Error> Report::fail(std::string_view pointer, std::string_view what) const {

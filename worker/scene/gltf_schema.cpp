@@ -178,9 +178,8 @@ void Checker::extensions(Json& owner, const Schema& schema, bool harmless) {
       inside(std::string_view(name), [&] {
         const bool supported = is_supported_extension(name) || name == "KHR_texture_basisu";
         if (!used_.contains(name)) {
-          report_.warn("/extensionsUsed",
-                       fmt::format("{} is used (first at {}) and not listed{}", in_quotes(name), path_,
-                                   supported ? "" : "; it is not supported and is ignored"));
+          report_.warn("/extensionsUsed", fmt::format("{} is used (first at {}) and not listed{}", in_quotes(name),
+                                                      path_, supported ? "" : "; it is not supported and is ignored"));
           used_.insert(name);
         }
         if (!supported) return true;
@@ -238,10 +237,10 @@ bool Checker::list(Json& value, const Rule& rule, bool harmless) {
     return true;
   }
   if (value.size() < rule.items_min || value.size() > rule.items_max) {
-    fault(harmless, rule.items_min == rule.items_max
-                        ? fmt::format("has {} elements; expected {}", value.size(), rule.items_min)
-                        : fmt::format("has {} elements; expected {} to {}", value.size(), rule.items_min,
-                                      rule.items_max));
+    fault(harmless,
+          rule.items_min == rule.items_max
+              ? fmt::format("has {} elements; expected {}", value.size(), rule.items_min)
+              : fmt::format("has {} elements; expected {} to {}", value.size(), rule.items_min, rule.items_max));
     return false;
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
@@ -275,8 +274,7 @@ bool Checker::single(Json& value, const Rule& rule, bool harmless) {
 
 bool Checker::text(Json& value, const Rule& rule, bool harmless) {
   const auto& got = value.get_ref<const std::string&>();
-  if (rule.words.empty() || std::find(rule.words.begin(), rule.words.end(), got) != rule.words.end())
-    return true;
+  if (rule.words.empty() || std::find(rule.words.begin(), rule.words.end(), got) != rule.words.end()) return true;
   fault(harmless, fmt::format("is {}; expected {}", in_quotes(got), fmt::join(rule.words, ", ")));
   return false;
 }
@@ -310,13 +308,12 @@ bool Checker::numeric(Json& value, const Rule& rule, bool harmless) {
 bool Checker::index(Json& value, const Rule& rule, bool harmless) {
   const double number = value.get<double>();
   const std::size_t size = size_of(rule.collection);
-  if (std::floor(number) == number && number >= 0 && number < static_cast<double>(size) &&
-      number <= kLargestInt) {
+  if (std::floor(number) == number && number >= 0 && number < static_cast<double>(size) && number <= kLargestInt) {
     if (value.is_number_float()) value = static_cast<std::int64_t>(number);
     return true;
   }
-  fault(harmless, fmt::format("is {}; expected an index into {}, which has {} elements", number,
-                              rule.collection, size));
+  fault(harmless,
+        fmt::format("is {}; expected an index into {}, which has {} elements", number, rule.collection, size));
   return false;
 }
 

@@ -53,8 +53,7 @@ constexpr Schema kSparseIndices{"sparse.indices", kSparseIndicesRules};
 constexpr Rule kSparseValuesRules[] = {index("bufferView", "bufferViews").must(),
                                        integer("byteOffset").range(0, kIntMax)};
 constexpr Schema kSparseValues{"sparse.values", kSparseValuesRules};
-constexpr Rule kSparseRules[] = {integer("count").range(1, kIntMax).must(),
-                                 object("indices", kSparseIndices).must(),
+constexpr Rule kSparseRules[] = {integer("count").range(1, kIntMax).must(), object("indices", kSparseIndices).must(),
                                  object("values", kSparseValues).must()};
 constexpr Schema kSparse{"sparse", kSparseRules};
 constexpr Rule kAccessorRules[] = {index("bufferView", "bufferViews"),
@@ -74,9 +73,8 @@ constexpr Schema kImage{"image", kImageRules};
 constexpr int kMagFilters[] = {9728, 9729};
 constexpr int kMinFilters[] = {9728, 9729, 9984, 9985, 9986, 9987};
 constexpr int kWraps[] = {33071, 33648, 10497};
-constexpr Rule kSamplerRules[] = {choice("magFilter", kMagFilters).soft(),
-                                  choice("minFilter", kMinFilters).soft(), choice("wrapS", kWraps),
-                                  choice("wrapT", kWraps)};
+constexpr Rule kSamplerRules[] = {choice("magFilter", kMagFilters).soft(), choice("minFilter", kMinFilters).soft(),
+                                  choice("wrapS", kWraps), choice("wrapT", kWraps)};
 constexpr Schema kSampler{"sampler", kSamplerRules};
 constexpr Rule kTextureSourceRules[] = {index("source", "images")};
 constexpr Schema kTextureSource{"texture extension", kTextureSourceRules};
@@ -87,8 +85,8 @@ constexpr ExtensionRule kTextureExtensions[] = {{"EXT_texture_webp", &kTextureSo
 constexpr Rule kTextureRules[] = {index("sampler", "samplers"), integer("source").range(0, kIntMax)};
 constexpr Schema kTexture{"texture", kTextureRules, kTextureExtensions};
 
-constexpr Rule kTransformRules[] = {number("offset").list(2, 2), number("rotation"),
-                                    number("scale").list(2, 2), integer("texCoord").range(0, 65535)};
+constexpr Rule kTransformRules[] = {number("offset").list(2, 2), number("rotation"), number("scale").list(2, 2),
+                                    integer("texCoord").range(0, 65535)};
 constexpr Schema kTransform{"KHR_texture_transform", kTransformRules};
 constexpr ExtensionRule kInfoExtensions[] = {{"KHR_texture_transform", &kTransform}};
 constexpr Rule kInfoRules[] = {index("index", "textures").must(), integer("texCoord").range(0, 65535)};
@@ -96,8 +94,7 @@ constexpr Schema kInfo{"textureInfo", kInfoRules, kInfoExtensions};
 constexpr Rule kNormalInfoRules[] = {index("index", "textures").must(), integer("texCoord").range(0, 65535),
                                      number("scale")};
 constexpr Schema kNormalInfo{"normalTextureInfo", kNormalInfoRules, kInfoExtensions};
-constexpr Rule kOcclusionInfoRules[] = {index("index", "textures").must(),
-                                        integer("texCoord").range(0, 65535),
+constexpr Rule kOcclusionInfoRules[] = {index("index", "textures").must(), integer("texCoord").range(0, 65535),
                                         number("strength").range(0, 1).soft()};
 constexpr Schema kOcclusionInfo{"occlusionTextureInfo", kOcclusionInfoRules, kInfoExtensions};
 
@@ -116,15 +113,13 @@ constexpr Schema kEmissiveStrength{"KHR_materials_emissive_strength", kEmissiveS
 constexpr Rule kIorRules[] = {number("ior").range(0)};
 constexpr Schema kIor{"KHR_materials_ior", kIorRules};
 constexpr Rule kSheenRules[] = {color("sheenColorFactor", 3), object("sheenColorTexture", kInfo),
-                                number("sheenRoughnessFactor").range(0, 1),
-                                object("sheenRoughnessTexture", kInfo)};
+                                number("sheenRoughnessFactor").range(0, 1), object("sheenRoughnessTexture", kInfo)};
 constexpr Schema kSheen{"KHR_materials_sheen", kSheenRules};
 constexpr Rule kSpecularRules[] = {number("specularFactor").range(0, 1), object("specularTexture", kInfo),
                                    number("specularColorFactor").list(3, 3).range(0),
                                    object("specularColorTexture", kInfo)};
 constexpr Schema kSpecular{"KHR_materials_specular", kSpecularRules};
-constexpr Rule kTransmissionRules[] = {number("transmissionFactor").range(0, 1),
-                                       object("transmissionTexture", kInfo)};
+constexpr Rule kTransmissionRules[] = {number("transmissionFactor").range(0, 1), object("transmissionTexture", kInfo)};
 constexpr Schema kTransmission{"KHR_materials_transmission", kTransmissionRules};
 constexpr Rule kVolumeRules[] = {number("thicknessFactor").range(0), object("thicknessTexture", kInfo),
                                  number("attenuationDistance").more_than(0), color("attenuationColor", 3)};
@@ -154,9 +149,9 @@ constexpr Rule kDracoRules[] = {index("bufferView", "bufferViews").must(),
 constexpr Schema kDraco{"KHR_draco_mesh_compression", kDracoRules};
 constexpr ExtensionRule kPrimitiveExtensions[] = {{"KHR_draco_mesh_compression", &kDraco}};
 constexpr int kModes[] = {0, 1, 2, 3, 4, 5, 6};
-constexpr Rule kPrimitiveRules[] = {index("attributes", "accessors").map().must(),
-                                    index("indices", "accessors"), index("material", "materials"),
-                                    choice("mode", kModes), index("targets", "accessors").maps()};
+constexpr Rule kPrimitiveRules[] = {index("attributes", "accessors").map().must(), index("indices", "accessors"),
+                                    index("material", "materials"), choice("mode", kModes),
+                                    index("targets", "accessors").maps()};
 constexpr Schema kPrimitive{"primitive", kPrimitiveRules, kPrimitiveExtensions};
 constexpr Rule kMeshRules[] = {object("primitives", kPrimitive).list().must(), number("weights").list()};
 constexpr Schema kMesh{"mesh", kMeshRules};
@@ -170,8 +165,7 @@ constexpr Rule kOrthographicRules[] = {number("xmag").must(), number("ymag").mus
                                        number("znear").range(0).must().soft()};
 constexpr Schema kOrthographic{"camera.orthographic", kOrthographicRules};
 constexpr Rule kPerspectiveRules[] = {number("aspectRatio").more_than(0), number("yfov").more_than(0).must(),
-                                      number("zfar").more_than(0).soft(),
-                                      number("znear").more_than(0).must().soft()};
+                                      number("zfar").more_than(0).soft(), number("znear").more_than(0).must().soft()};
 constexpr Schema kPerspective{"camera.perspective", kPerspectiveRules};
 constexpr std::string_view kCameraTypes[] = {"perspective", "orthographic"};
 constexpr Rule kCameraRules[] = {object("orthographic", kOrthographic), object("perspective", kPerspective),
@@ -195,9 +189,8 @@ constexpr Schema kScene{"scene", kSceneRules};
 constexpr Rule kSpotRules[] = {number("innerConeAngle").range(0), number("outerConeAngle").more_than(0)};
 constexpr Schema kSpot{"spot", kSpotRules};
 constexpr std::string_view kLightTypes[] = {"directional", "point", "spot"};
-constexpr Rule kLightRules[] = {color("color", 3), number("intensity").range(0),
-                                word("type", kLightTypes).must(), number("range").more_than(0).soft(),
-                                object("spot", kSpot)};
+constexpr Rule kLightRules[] = {color("color", 3), number("intensity").range(0), word("type", kLightTypes).must(),
+                                number("range").more_than(0).soft(), object("spot", kSpot)};
 constexpr Schema kLight{"light", kLightRules};
 constexpr Rule kRootLightsRules[] = {object("lights", kLight).list().must()};
 constexpr Schema kRootLights{"KHR_lights_punctual", kRootLightsRules};
@@ -206,8 +199,7 @@ constexpr ExtensionRule kRootExtensions[] = {{"KHR_lights_punctual", &kRootLight
 // Animations: none is played, so nothing in them can touch the image.
 constexpr Rule kChannelTargetRules[] = {index("node", "nodes").soft(), text("path").must().soft()};
 constexpr Schema kChannelTarget{"animation.channel.target", kChannelTargetRules};
-constexpr Rule kChannelRules[] = {integer("sampler").must().soft(),
-                                  object("target", kChannelTarget).must().soft()};
+constexpr Rule kChannelRules[] = {integer("sampler").must().soft(), object("target", kChannelTarget).must().soft()};
 constexpr Schema kChannel{"animation.channel", kChannelRules};
 constexpr std::string_view kInterpolations[] = {"LINEAR", "STEP", "CUBICSPLINE"};
 constexpr Rule kAnimationSamplerRules[] = {index("input", "accessors").must().soft(),

@@ -33,25 +33,21 @@ Result<std::string_view> split_glb(std::span<const std::uint8_t> bytes, Containe
   const std::uint32_t length = read_u32(bytes, 8);
   if (version != 2) return report.fail("", fmt::format("GLB version {}; expected 2", version));
   if (length > bytes.size()) {
-    return report.fail(
-        "", fmt::format("GLB header says {} bytes, the file has {}; is it cut off?", length, bytes.size()));
+    return report.fail("",
+                       fmt::format("GLB header says {} bytes, the file has {}; is it cut off?", length, bytes.size()));
   }
-  if (length < 20)
-    return report.fail("", fmt::format("GLB length {}; expected at least a JSON chunk", length));
-  if (length < bytes.size())
-    report.warn("", fmt::format("{} bytes after the end of the GLB", bytes.size() - length));
+  if (length < 20) return report.fail("", fmt::format("GLB length {}; expected at least a JSON chunk", length));
+  if (length < bytes.size()) report.warn("", fmt::format("{} bytes after the end of the GLB", bytes.size() - length));
   bytes = bytes.first(length);
   std::optional<std::string_view> json;
   std::size_t at = 12;
   for (int chunk = 0; at < bytes.size(); ++chunk) {
-    if (bytes.size() - at < 8)
-      return report.fail("", fmt::format("header of GLB chunk {} is cut off", chunk));
+    if (bytes.size() - at < 8) return report.fail("", fmt::format("header of GLB chunk {} is cut off", chunk));
     const std::size_t size = read_u32(bytes, at);
     const std::uint32_t type = read_u32(bytes, at + 4);
     at += 8;
     if (size > bytes.size() - at) {
-      return report.fail(
-          "", fmt::format("GLB chunk {} says {} bytes, {} are left", chunk, size, bytes.size() - at));
+      return report.fail("", fmt::format("GLB chunk {} says {} bytes, {} are left", chunk, size, bytes.size() - at));
     }
     if (size % 4 != 0)
       report.warn("", fmt::format("GLB chunk {} has a length of {}; expected a multiple of 4", chunk, size));
@@ -139,20 +135,16 @@ bool is_inside(const fs::path& path, const fs::path& root) {
 
 tl::expected<fs::path, std::string> Folder::resolve(std::string_view uri) const {
   if (has_scheme(uri)) {
-    return tl::unexpected(
-        fmt::format("URI {} has a scheme; expected a relative path or a data: URI", in_quotes(uri)));
+    return tl::unexpected(fmt::format("URI {} has a scheme; expected a relative path or a data: URI", in_quotes(uri)));
   }
   const std::string name = percent_decoded(uri);
   const bool control =
       std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; });
-  if (name.empty() || control)
-    return tl::unexpected(fmt::format("URI {} is not a file name", in_quotes(uri)));
+  if (name.empty() || control) return tl::unexpected(fmt::format("URI {} is not a file name", in_quotes(uri)));
   if (name.front() == '/' || name.front() == '\\') {
-    return tl::unexpected(
-        fmt::format("URI {} is absolute; expected a path relative to the file", in_quotes(uri)));
+    return tl::unexpected(fmt::format("URI {} is absolute; expected a path relative to the file", in_quotes(uri)));
   }
-  if (root_.empty())
-    return tl::unexpected(fmt::format("URI {} names a file, and no folder is given", in_quotes(uri)));
+  if (root_.empty()) return tl::unexpected(fmt::format("URI {} names a file, and no folder is given", in_quotes(uri)));
   const fs::path path = base_ / fs::path(name);
   if (!is_inside(path, root_))
     return tl::unexpected(fmt::format("{} lies outside the scene's folder", in_quotes(name)));
@@ -204,8 +196,8 @@ tl::expected<DataUri, std::string> decode_data_uri(std::string_view uri) {
   std::size_t written = 0;
   for (std::size_t at = 0; at < whole; at += kSlice) {
     const int count = static_cast<int>(std::min(kSlice, whole - at));
-    const int n = EVP_DecodeBlock(out.bytes.data() + written,
-                                  reinterpret_cast<const unsigned char*>(text.data() + at), count);
+    const int n =
+        EVP_DecodeBlock(out.bytes.data() + written, reinterpret_cast<const unsigned char*>(text.data() + at), count);
     if (n < 0) return tl::unexpected(std::string("data: URI that does not decode as base64"));
     written += static_cast<std::size_t>(n);
   }
@@ -234,13 +226,11 @@ Result<Container> split(std::span<const std::uint8_t> bytes, Report& report) {
     report.warn("", "byte order mark before the JSON");
     json.remove_prefix(3);
   }
-  if (too_deep(json))
-    return report.fail("", fmt::format("JSON is nested deeper than {} levels", kMaxJsonDepth));
+  if (too_deep(json)) return report.fail("", fmt::format("JSON is nested deeper than {} levels", kMaxJsonDepth));
   try {
     std::optional<std::string> twice;
     out.document = parse_json(json, twice);
-    if (twice)
-      return report.fail("", fmt::format("key {} stands twice in one JSON object", in_quotes(*twice)));
+    if (twice) return report.fail("", fmt::format("key {} stands twice in one JSON object", in_quotes(*twice)));
   } catch (const Json::exception& e) {
     return report.fail("", fmt::format("not glTF: {}", parse_message(e)));
   }

@@ -23,8 +23,7 @@ class Folder {
  public:
   /// `base`: where relative URIs start. `root`: must contain whatever is opened. Both empty: nothing can be
   /// opened.
-  Folder(std::filesystem::path base, std::filesystem::path root)
-      : base_(std::move(base)), root_(std::move(root)) {}
+  Folder(std::filesystem::path base, std::filesystem::path root) : base_(std::move(base)), root_(std::move(root)) {}
 
   /// Path of a relative URI (percent-decoded); refuses schemes, absolute paths, anything outside the root,
   /// and what is not a regular file. The error text has no place in it: the caller knows the JSON pointer.
@@ -36,8 +35,7 @@ class Folder {
 };
 
 /// First `limit` bytes of a regular file.
-[[nodiscard]] tl::expected<Bytes, std::string> read_file(const std::filesystem::path& file,
-                                                         std::uint64_t limit);
+[[nodiscard]] tl::expected<Bytes, std::string> read_file(const std::filesystem::path& file, std::uint64_t limit);
 
 /// True when `path` lies in the existing folder `root` or is it, symbolic links and `..` resolved in both.
 [[nodiscard]] bool is_inside(const std::filesystem::path& path, const std::filesystem::path& root);

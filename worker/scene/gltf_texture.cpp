@@ -40,9 +40,8 @@ constexpr std::uint64_t kHeadBytes = 16;
 Result<void> TextureTable::check_format(const Image& image, const Json& json, const std::string& pointer) {
   Bytes head;
   if (image.bytes) {
-    head.assign(image.bytes->begin(),
-                image.bytes->begin() +
-                    static_cast<std::ptrdiff_t>(std::min<std::size_t>(kHeadBytes, image.bytes->size())));
+    head.assign(image.bytes->begin(), image.bytes->begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(
+                                                                 kHeadBytes, image.bytes->size())));
   } else {
     auto read = read_file(image.file, kHeadBytes);
     if (!read) return report_.fail(pointer, read.error());
@@ -52,15 +51,13 @@ Result<void> TextureTable::check_format(const Image& image, const Json& json, co
   const std::string said = text_or(json, "mimeType", "");
   if (type == "image/ktx2")
     return report_.fail(pointer, "is a KTX2 image, which is not supported; expected PNG, JPEG or WebP");
-  if (type.empty())
-    return report_.fail(pointer, "is not an image that glTF knows; expected PNG, JPEG or WebP");
+  if (type.empty()) return report_.fail(pointer, "is not an image that glTF knows; expected PNG, JPEG or WebP");
   if (!said.empty() && said != type) {
     report_.warn(child(pointer, "mimeType"), fmt::format("says {}, the image is {}", in_quotes(said), type));
   }
   const bool webp = std::find(model_.gltf.extensionsUsed.begin(), model_.gltf.extensionsUsed.end(),
                               "EXT_texture_webp") != model_.gltf.extensionsUsed.end();
-  if (type == "image/webp" && !webp)
-    report_.warn(pointer, "is WebP, and the file does not list EXT_texture_webp");
+  if (type == "image/webp" && !webp) report_.warn(pointer, "is WebP, and the file does not list EXT_texture_webp");
   return {};
 }
 
@@ -73,8 +70,8 @@ Result<TextureTable::Image> TextureTable::load_image(const Json& json, const std
       auto data = decode_data_uri(uri);
       if (!data) return report_.fail(at, data.error());
       if (!data->media_type.starts_with("image/")) {
-        report_.warn(at, fmt::format("has media type {}; expected image/png or image/jpeg",
-                                     in_quotes(data->media_type)));
+        report_.warn(at,
+                     fmt::format("has media type {}; expected image/png or image/jpeg", in_quotes(data->media_type)));
       }
       out.bytes = std::make_shared<const Bytes>(std::move(data->bytes));
     } else {
@@ -85,8 +82,7 @@ Result<TextureTable::Image> TextureTable::load_image(const Json& json, const std
   } else if (json.contains("bufferView")) {
     const auto& view = model_.gltf.bufferViews[unsigned_or(json, "bufferView", 0)];
     const Bytes& data = model_.gltf.buffers[static_cast<std::size_t>(view.buffer)].data;
-    if (view.byteOffset + view.byteLength > data.size())
-      return report_.fail(pointer, "its buffer has no data");
+    if (view.byteOffset + view.byteLength > data.size()) return report_.fail(pointer, "its buffer has no data");
     const auto begin = data.begin() + static_cast<std::ptrdiff_t>(view.byteOffset);
     out.bytes = std::make_shared<const Bytes>(begin, begin + static_cast<std::ptrdiff_t>(view.byteLength));
   } else {
@@ -112,13 +108,13 @@ Result<int> TextureTable::source_of(const tinygltf::Texture& texture, const std:
   const tinygltf::Value* basis = find(texture.extensions, "KHR_texture_basisu");
   if (texture.source >= static_cast<int>(model_.images.size())) {
     return report_.fail(child(pointer, "source"),
-                        fmt::format("is {}; expected an index into images, which has {} elements",
-                                    texture.source, model_.images.size()));
+                        fmt::format("is {}; expected an index into images, which has {} elements", texture.source,
+                                    model_.images.size()));
   }
   if (texture.source >= 0) return texture.source;
   if (basis != nullptr) {
-    return report_.fail(
-        pointer, "has only a KHR_texture_basisu image, which is not supported; expected a source as well");
+    return report_.fail(pointer,
+                        "has only a KHR_texture_basisu image, which is not supported; expected a source as well");
   }
   report_.warn(pointer, "has no source; what uses it stays untextured");
   return -1;

@@ -22,8 +22,7 @@ Version parse_version(std::string_view text) {
     return !s.empty() && s.size() < 6 &&
            std::all_of(s.begin(), s.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
   };
-  if (dot == std::string_view::npos || !digits(text.substr(0, dot)) || !digits(text.substr(dot + 1)))
-    return v;
+  if (dot == std::string_view::npos || !digits(text.substr(0, dot)) || !digits(text.substr(dot + 1))) return v;
   v.major = std::stoi(std::string(text.substr(0, dot)));
   v.minor = std::stoi(std::string(text.substr(dot + 1)));
   v.valid = true;
@@ -35,8 +34,8 @@ void check_fits(const Json& document, std::uint64_t view, std::uint64_t offset, 
                 const std::string& pointer, Report& report) {
   const std::uint64_t length = unsigned_or(elements(document, "bufferViews")[view], "byteLength", 0);
   if (offset + bytes > length) {
-    report.error(pointer, fmt::format("needs {} bytes at offset {}; buffer view {} has {}", bytes, offset,
-                                      view, length));
+    report.error(pointer,
+                 fmt::format("needs {} bytes at offset {}; buffer view {} has {}", bytes, offset, view, length));
   }
 }
 
@@ -44,8 +43,7 @@ void check_sparse(const Json& document, const Json& accessor, const std::string&
   const Json& sparse = accessor["sparse"];
   const std::uint64_t count = unsigned_or(sparse, "count", 0);
   if (count > unsigned_or(accessor, "count", 0)) {
-    report.error(child(pointer, "sparse/count"),
-                 fmt::format("is {}; expected at most the accessor's count", count));
+    report.error(child(pointer, "sparse/count"), fmt::format("is {}; expected at most the accessor's count", count));
     return;
   }
   const std::uint64_t component_type = unsigned_or(accessor, "componentType", 0);
@@ -53,8 +51,7 @@ void check_sparse(const Json& document, const Json& accessor, const std::string&
   const Json& indices = sparse["indices"];
   const Json& values = sparse["values"];
   check_fits(document, unsigned_or(indices, "bufferView", 0), unsigned_or(indices, "byteOffset", 0),
-             count * component_bytes(unsigned_or(indices, "componentType", 0)), pointer + "/sparse/indices",
-             report);
+             count * component_bytes(unsigned_or(indices, "componentType", 0)), pointer + "/sparse/indices", report);
   check_fits(document, unsigned_or(values, "bufferView", 0), unsigned_or(values, "byteOffset", 0),
              (count - 1) * element_bytes(component_type, type) + last_element_bytes(component_type, type),
              pointer + "/sparse/values", report);
@@ -90,13 +87,13 @@ void check_accessor(const Json& document, const Json& accessor, const std::strin
   const Json& view = elements(document, "bufferViews")[view_index];
   const std::uint64_t stride = unsigned_or(view, "byteStride", element);
   if (stride < element) {
-    report.error(pointer, fmt::format("byteStride {} of its buffer view is less than an element's {} bytes",
-                                      stride, element));
+    report.error(pointer,
+                 fmt::format("byteStride {} of its buffer view is less than an element's {} bytes", stride, element));
     return;
   }
   check_fits(document, view_index, offset,
-             stride * (unsigned_or(accessor, "count", 1) - 1) + last_element_bytes(component_type, type),
-             pointer, report);
+             stride * (unsigned_or(accessor, "count", 1) - 1) + last_element_bytes(component_type, type), pointer,
+             report);
   // Data are read byte by byte, so that this cannot touch the image.
   const std::size_t component = component_bytes(component_type);
   if (offset % component != 0 || (offset + unsigned_or(view, "byteOffset", 0)) % component != 0 ||
@@ -111,8 +108,8 @@ void check_buffer_view(const Json& document, const Json& view, const std::string
   const std::uint64_t buffer = unsigned_or(view, "buffer", 0);
   const std::uint64_t available = unsigned_or(elements(document, "buffers")[buffer], "byteLength", 0);
   if (offset + length > available) {
-    report.error(pointer, fmt::format("needs {} bytes at offset {}; buffer {} has {}", length, offset, buffer,
-                                      available));
+    report.error(pointer,
+                 fmt::format("needs {} bytes at offset {}; buffer {} has {}", length, offset, buffer, available));
   }
   if (!view.contains("byteStride")) return;
   const std::uint64_t stride = unsigned_or(view, "byteStride", 0);
@@ -120,8 +117,7 @@ void check_buffer_view(const Json& document, const Json& view, const std::string
     report.error(child(pointer, "byteStride"), fmt::format("is {}; expected a multiple of 4", stride));
   if (stride > length) report.warn(child(pointer, "byteStride"), "is larger than the buffer view");
   if (unsigned_or(view, "target", 34962) != 34962) {
-    report.warn(child(pointer, "byteStride"),
-                "belongs only to vertex attributes; target says that these are indices");
+    report.warn(child(pointer, "byteStride"), "belongs only to vertex attributes; target says that these are indices");
   }
 }
 
@@ -219,8 +215,7 @@ void check_cameras_and_lights(const Json& document, Report& report) {
     const std::string pointer = child("/cameras", i);
     const std::string type = text_or(cameras[i], "type", "");
     if (!cameras[i].contains(type)) {
-      report.error(pointer,
-                   fmt::format("camera of type {} has no property {}", in_quotes(type), in_quotes(type)));
+      report.error(pointer, fmt::format("camera of type {} has no property {}", in_quotes(type), in_quotes(type)));
       continue;
     }
     if (cameras[i].contains("perspective") && cameras[i].contains("orthographic")) {
@@ -228,8 +223,7 @@ void check_cameras_and_lights(const Json& document, Report& report) {
     }
     const Json& view = cameras[i][type];
     const std::string at = child(pointer, type);
-    if (view.contains("zfar") && view.contains("znear") &&
-        view["zfar"].get<double>() <= view["znear"].get<double>()) {
+    if (view.contains("zfar") && view.contains("znear") && view["zfar"].get<double>() <= view["znear"].get<double>()) {
       report.warn(child(at, "zfar"), "is not larger than znear");
     }
     if (type == "perspective") {
@@ -256,9 +250,8 @@ void check_cameras_and_lights(const Json& document, Report& report) {
     const double inner = lights[i]["spot"].value("innerConeAngle", 0.0);
     const double outer = lights[i]["spot"].value("outerConeAngle", 0.7853981633974483);
     if (inner >= outer || outer > 1.5707964) {
-      report.error(
-          child(pointer, "spot"),
-          fmt::format("cone angles are {} and {}; expected 0 <= inner < outer <= pi/2", inner, outer));
+      report.error(child(pointer, "spot"),
+                   fmt::format("cone angles are {} and {}; expected 0 <= inner < outer <= pi/2", inner, outer));
     }
   }
 }
@@ -269,9 +262,8 @@ void check_images(const Json& document, Report& report) {
   for (std::size_t i = 0; i < textures.size(); ++i) {
     const std::uint64_t source = unsigned_or(textures[i], "source", 0);
     if (textures[i].contains("source") && source >= images.size()) {
-      report.warn(
-          child("/textures", i) + "/source",
-          fmt::format("is {}; expected an index into images, which has {} elements", source, images.size()));
+      report.warn(child("/textures", i) + "/source",
+                  fmt::format("is {}; expected an index into images, which has {} elements", source, images.size()));
     }
   }
   for (std::size_t i = 0; i < images.size(); ++i) {
@@ -279,12 +271,10 @@ void check_images(const Json& document, Report& report) {
     const bool uri = images[i].contains("uri");
     const bool view = images[i].contains("bufferView");
     if (uri == view) {
-      report.warn(pointer,
-                  uri ? "has both uri and bufferView; uri counts" : "has neither uri nor bufferView");
+      report.warn(pointer, uri ? "has both uri and bufferView; uri counts" : "has neither uri nor bufferView");
     }
     if (view && !images[i].contains("mimeType")) report.warn(pointer, "has a bufferView and no mimeType");
-    if (view &&
-        elements(document, "bufferViews")[unsigned_or(images[i], "bufferView", 0)].contains("byteStride")) {
+    if (view && elements(document, "bufferViews")[unsigned_or(images[i], "bufferView", 0)].contains("byteStride")) {
       report.warn(pointer, "its buffer view has a byteStride, which is ignored");
     }
   }
@@ -306,8 +296,7 @@ void check_materials(const Json& document, Report& report) {
     if (!material.contains("extensions") || !material["extensions"].contains("KHR_materials_ior")) continue;
     const double ior = material["extensions"]["KHR_materials_ior"].value("ior", 1.5);
     if (ior > 0 && ior < 1) {
-      report.error(pointer + "/extensions/KHR_materials_ior/ior",
-                   fmt::format("is {}; expected 0, or 1 or more", ior));
+      report.error(pointer + "/extensions/KHR_materials_ior/ior", fmt::format("is {}; expected 0, or 1 or more", ior));
     }
   }
 }

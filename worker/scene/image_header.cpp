@@ -53,11 +53,9 @@ std::optional<Size> png_size(Bytes bytes, std::uint64_t& data) {
 /// [zlib, Technical Details]. Memory is taken by what a header promises, before a decoder finds out.
 bool png_promises_too_much(Bytes bytes, Size size, std::uint64_t data) {
   constexpr std::uint64_t kMostOfOneByte = 1032;
-  constexpr std::array<std::uint64_t, 7> kChannels = {1, 1, 3, 1,
-                                                      2, 1, 4};  // by colour type [W3C PNG, 11.2.1]
+  constexpr std::array<std::uint64_t, 7> kChannels = {1, 1, 3, 1, 2, 1, 4};  // by colour type [W3C PNG, 11.2.1]
   const std::uint64_t channels = kChannels[std::min<std::size_t>(bytes[25], kChannels.size() - 1)];
-  const std::uint64_t row =
-      1 + (std::uint64_t{size.width} * channels * bytes[24] + 7) / 8;  // with its filter's type
+  const std::uint64_t row = 1 + (std::uint64_t{size.width} * channels * bytes[24] + 7) / 8;  // with its filter's type
   return row * size.height > data * kMostOfOneByte;
 }
 
@@ -89,8 +87,7 @@ std::optional<Size> jpeg_size(Bytes bytes) {
 /// WebP: extended, lossless or lossy [RFC 9649, 2.4 to 2.7].
 std::optional<Size> webp_size(Bytes bytes) {
   if (bytes.size() < 30 || std::uint64_t{little_endian(bytes, 4, 4)} + 8 > bytes.size()) return std::nullopt;
-  if (has_text(bytes, 12, "VP8X"))
-    return Size{little_endian(bytes, 24, 3) + 1, little_endian(bytes, 27, 3) + 1};
+  if (has_text(bytes, 12, "VP8X")) return Size{little_endian(bytes, 24, 3) + 1, little_endian(bytes, 27, 3) + 1};
   if (has_text(bytes, 12, "VP8L")) {
     const std::uint32_t bits = little_endian(bytes, 21, 4);
     return Size{(bits & 0x3FFFu) + 1, (bits >> 14 & 0x3FFFu) + 1};
@@ -116,23 +113,21 @@ Result<ImageHeader> read_image_header(Bytes bytes, const std::string& name) {
     header.format = ImageFormat::kWebp;
     size = webp_size(bytes);
   } else {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: unknown image format; expected PNG, JPEG or WebP", name));
+    return fail(ErrorKind::kInvalidInput, fmt::format("{}: unknown image format; expected PNG, JPEG or WebP", name));
   }
   if (!size) return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is truncated or damaged", name));
   if (size->width == 0 || size->height == 0) {
-    return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is {} x {} pixels; expected at least 1 x 1",
-                                                      name, size->width, size->height));
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: image is {} x {} pixels; expected at least 1 x 1", name, size->width, size->height));
   }
   if (size->width > kMaxImageSide || size->height > kMaxImageSide) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: image is {} x {} pixels; at most {} x {} are supported", name, size->width,
-                            size->height, kMaxImageSide, kMaxImageSide));
+    return fail(ErrorKind::kInvalidInput, fmt::format("{}: image is {} x {} pixels; at most {} x {} are supported",
+                                                      name, size->width, size->height, kMaxImageSide, kMaxImageSide));
   }
   if (header.format == ImageFormat::kPng && png_promises_too_much(bytes, *size, png_data)) {
     return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: image is {} x {} pixels, more than its {} bytes of data can hold", name,
-                            size->width, size->height, png_data));
+                fmt::format("{}: image is {} x {} pixels, more than its {} bytes of data can hold", name, size->width,
+                            size->height, png_data));
   }
   header.width = size->width;
   header.height = size->height;

@@ -24,7 +24,6 @@ inline constexpr std::uint32_t kMaxImageSide = 16384;
 
 /// Reads the header and checks that the image is complete as far as its structure tells. `name` leads the
 /// messages. Errors: kInvalidInput (unknown format, damaged, truncated, empty, too large).
-[[nodiscard]] Result<ImageHeader> read_image_header(std::span<const std::uint8_t> bytes,
-                                                    const std::string& name);
+[[nodiscard]] Result<ImageHeader> read_image_header(std::span<const std::uint8_t> bytes, const std::string& name);
 
 }  // namespace pf

@@ -40,8 +40,8 @@ const char* plugin(ImageFormat format) {
   return "";
 }
 
-Result<void> decode_with(OIIO::ImageInput& input, std::span<const std::uint8_t> encoded,
-                         const std::string& name, const RowSink& sink) {
+Result<void> decode_with(OIIO::ImageInput& input, std::span<const std::uint8_t> encoded, const std::string& name,
+                         const RowSink& sink) {
   OIIO::Filesystem::IOMemReader memory(encoded.data(), encoded.size());
   if (!input.set_ioproxy(&memory)) return broken(name, "OpenImageIO cannot read this format from memory");
   OIIO::ImageSpec wanted, spec;
@@ -68,8 +68,7 @@ Result<void> decode_with(OIIO::ImageInput& input, std::span<const std::uint8_t> 
                               rows.data())) {
       return broken(name, input.geterror());
     }
-    for (std::size_t i = y; i < end; ++i)
-      sink.row(i, std::span(rows).subspan((i - y) * row_bytes, row_bytes));
+    for (std::size_t i = y; i < end; ++i) sink.row(i, std::span(rows).subspan((i - y) * row_bytes, row_bytes));
   }
   return {};
 }
@@ -99,8 +98,7 @@ RadianceMap place(const OIIO::ImageSpec& spec, int orientation, const std::vecto
       if (mirror_x) to_x = spec.full_width - 1 - to_x;
       if (mirror_y) to_y = spec.full_height - 1 - to_y;
       map.pixels[static_cast<std::size_t>(to_y) * map.width + static_cast<std::size_t>(to_x)] =
-          data[static_cast<std::size_t>(y) * static_cast<std::size_t>(spec.width) +
-               static_cast<std::size_t>(x)];
+          data[static_cast<std::size_t>(y) * static_cast<std::size_t>(spec.width) + static_cast<std::size_t>(x)];
     }
   }
   return map;
@@ -114,8 +112,7 @@ Result<RadianceMap> read_map_with(OIIO::ImageInput& input, const std::string& fi
            std::int64_t{width} * std::int64_t{height} > kMaxMapPixels;
   };
   if (too_large(spec.width, spec.height) || too_large(spec.full_width, spec.full_height)) {
-    return broken(file, "image is " + std::to_string(spec.full_width) + " x " +
-                            std::to_string(spec.full_height) +
+    return broken(file, "image is " + std::to_string(spec.full_width) + " x " + std::to_string(spec.full_height) +
                             " pixels; expected 1 to 2^27 of them, no side above 65536");
   }
   const auto strip_rows = static_cast<std::uint64_t>(std::max(64, spec.tile_height));
@@ -128,8 +125,7 @@ Result<RadianceMap> read_map_with(OIIO::ImageInput& input, const std::string& fi
     return broken(file, "image has no R, G, B channels; expected a lat-long map of them, or of Y alone");
   }
   const int orientation = spec.get_int_attribute("Orientation", 1);
-  if (orientation > 4)
-    return broken(file, "image is stored column by column; expected rows (\"-Y height +X width\")");
+  if (orientation > 4) return broken(file, "image is stored column by column; expected rows (\"-Y height +X width\")");
 
   std::vector<Rgb> data(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height));
   const bool adjacent = channels[1] == channels[0] + 1 && channels[2] == channels[0] + 2;
@@ -146,16 +142,14 @@ Result<RadianceMap> read_map_with(OIIO::ImageInput& input, const std::string& fi
   const bool whole = spec.x == spec.full_x && spec.y == spec.full_y && spec.width == spec.full_width &&
                      spec.height == spec.full_height && orientation == 1;
   if (whole) {
-    return RadianceMap{static_cast<std::size_t>(spec.width), static_cast<std::size_t>(spec.height),
-                       std::move(data)};
+    return RadianceMap{static_cast<std::size_t>(spec.width), static_cast<std::size_t>(spec.height), std::move(data)};
   }
   return place(spec, orientation, data);
 }
 
 }  // namespace
 
-Result<void> decode_image(std::span<const std::uint8_t> encoded, const std::string& name,
-                          const RowSink& sink) {
+Result<void> decode_image(std::span<const std::uint8_t> encoded, const std::string& name, const RowSink& sink) {
   const auto header = read_image_header(encoded, name);
   if (!header) return tl::unexpected(header.error());
   try {

@@ -57,8 +57,7 @@ double orientation_measure(const LightBounds& bounds) {
   const double theta_w = std::min(theta_o + angle(bounds.cos_e), kPiD);
   const double sin_o = std::sin(theta_o), cos_o = std::cos(theta_o);
   return 2.0 * kPiD * (1.0 - cos_o) +
-         0.5 * kPiD *
-             (2.0 * theta_w * sin_o - std::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o);
+         0.5 * kPiD * (2.0 * theta_w * sin_o - std::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o);
 }
 
 /// Surface area orientation heuristic of one side of a split. The squared diagonal stands for the area: a row
@@ -164,9 +163,8 @@ std::size_t LightTree::split(std::span<Item> items, const LightBounds& bounds, i
                      [axis](const Item& a, const Item& b) { return a.center[axis] < b.center[axis]; });
     return items.size() / 2;
   }
-  const auto middle = std::stable_partition(items.begin(), items.end(), [&](const Item& item) {
-    return bucket_of(item, best_axis) <= best_bucket;
-  });
+  const auto middle = std::stable_partition(
+      items.begin(), items.end(), [&](const Item& item) { return bucket_of(item, best_axis) <= best_bucket; });
   return static_cast<std::size_t>(middle - items.begin());
 }
 
@@ -194,9 +192,8 @@ float LightTree::node_importance(const Node& node, const Receiver& receiver) {
   const float cos_received = cos_difference(sine(cos_i), cos_i, sin_b, cos_b);
   if (cos_received < -kCosineSlack) return 0.0f;
 
-  return std::min(
-      node.energy / d2 * std::max(cos_emitted, kCosineFloor) * std::max(cos_received, kCosineFloor),
-      kLargestImportance);
+  return std::min(node.energy / d2 * std::max(cos_emitted, kCosineFloor) * std::max(cos_received, kCosineFloor),
+                  kLargestImportance);
 }
 
 }  // namespace pf

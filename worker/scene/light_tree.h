@@ -94,8 +94,7 @@ class LightTree {
 };
 
 template <typename Exact>
-std::optional<LightTree::Pick> LightTree::sample(const Receiver& receiver, float u,
-                                                 const Exact& exact) const {
+std::optional<LightTree::Pick> LightTree::sample(const Receiver& receiver, float u, const Exact& exact) const {
   if (nodes_.empty() || !(importance_of(nodes_[0], receiver, exact) > 0.0f)) return std::nullopt;
   std::uint32_t index = 0;
   float chosen = 1.0f;

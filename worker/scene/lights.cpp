@@ -29,8 +29,8 @@ LightBounds spot_bounds(const PunctualLight& light) {
   }
   bounds.axis = light.direction;
   bounds.cos_o = std::max(light.cos_inner, light.cos_outer);
-  bounds.cos_e = std::cos(std::acos(std::clamp(light.cos_outer, -1.0f, 1.0f)) -
-                          std::acos(std::clamp(bounds.cos_o, -1.0f, 1.0f)));
+  bounds.cos_e =
+      std::cos(std::acos(std::clamp(light.cos_outer, -1.0f, 1.0f)) - std::acos(std::clamp(bounds.cos_o, -1.0f, 1.0f)));
   return bounds;
 }
 
@@ -45,9 +45,7 @@ LightBounds area_bounds(const AreaLight& light) {
   return bounds;
 }
 
-bool below(const Receiver& receiver, const Vec3f& wi) {
-  return !receiver.transmissive && dot(receiver.n, wi) <= 0.0f;
-}
+bool below(const Receiver& receiver, const Vec3f& wi) { return !receiver.transmissive && dot(receiver.n, wi) <= 0.0f; }
 
 }  // namespace
 
@@ -76,8 +74,7 @@ Lights::Lights(std::vector<EmissiveTriangle> triangles, std::vector<PunctualLigh
       area_lights_(AreaLight::group(triangles_)),
       area_light_of_triangle_(triangles_.size(), -1) {
   for (std::size_t i = 0; i < area_lights_.size(); ++i) {
-    for (const std::uint32_t t : area_lights_[i].triangles())
-      area_light_of_triangle_[t] = static_cast<std::int32_t>(i);
+    for (const std::uint32_t t : area_lights_[i].triangles()) area_light_of_triangle_[t] = static_cast<std::int32_t>(i);
   }
   if (!bounds.isEmpty()) {
     center_ = bounds.center();
@@ -130,8 +127,7 @@ float Lights::exact(const Receiver& receiver, std::uint32_t leaf) const {
   const Vec3f d = receiver.p - light.position;
   const float distance = length(d);
   if (!(distance > 0.0f)) return 0.0f;
-  return light.kind == PunctualKind::kPoint ? 1.0f
-                                            : SpotCone(light).falloff(dot(d, light.direction) / distance);
+  return light.kind == PunctualKind::kPoint ? 1.0f : SpotCone(light).falloff(dot(d, light.direction) / distance);
 }
 
 float Lights::tree_importance(const Receiver& receiver) const {
@@ -140,8 +136,7 @@ float Lights::tree_importance(const Receiver& receiver) const {
 
 float Lights::directional_importance(const Receiver& receiver, std::uint32_t light) const {
   const float cosine = -dot(receiver.n, punctual_[light].direction);
-  return average(punctual_[light].intensity) *
-         (receiver.transmissive ? std::abs(cosine) : std::max(0.0f, cosine));
+  return average(punctual_[light].intensity) * (receiver.transmissive ? std::abs(cosine) : std::max(0.0f, cosine));
 }
 
 /// Irradiance below a sky as bright everywhere as the mean of the map: pi L, with total = 4 pi L.
@@ -195,8 +190,7 @@ std::optional<Lights::Picked> Lights::sample(const Vec3f& p, const Vec3f& n, boo
   return picked;
 }
 
-std::optional<Lights::Picked> Lights::sample_tree(const Receiver& receiver, float u_pick,
-                                                  const Vec2f& u) const {
+std::optional<Lights::Picked> Lights::sample_tree(const Receiver& receiver, float u_pick, const Vec2f& u) const {
   const auto pick = tree_.sample(receiver, u_pick, [&](std::uint32_t leaf) { return exact(receiver, leaf); });
   if (!pick) return std::nullopt;
   const auto areas = static_cast<std::uint32_t>(area_lights_.size());
@@ -206,8 +200,7 @@ std::optional<Lights::Picked> Lights::sample_tree(const Receiver& receiver, floa
   return picked;
 }
 
-std::optional<Lights::Picked> Lights::sample_area(const Receiver& receiver, std::uint32_t leaf,
-                                                  const Vec2f& u) const {
+std::optional<Lights::Picked> Lights::sample_area(const Receiver& receiver, std::uint32_t leaf, const Vec2f& u) const {
   const AreaLight& light = area_lights_[leaf];
   const auto sample = light.sample(receiver.p, u);
   if (!sample || below(receiver, sample->wi)) return std::nullopt;
@@ -232,8 +225,7 @@ std::optional<Lights::Picked> Lights::sample_environment(const Receiver& receive
   return Picked{LightSample{sample.direction, kInfinity, sample.radiance, sample.pdf_w, false}};
 }
 
-float Lights::pdf_w(const Vec3f& p, const Vec3f& n, bool transmissive, std::uint32_t index,
-                    const Vec3f& q) const {
+float Lights::pdf_w(const Vec3f& p, const Vec3f& n, bool transmissive, std::uint32_t index, const Vec3f& q) const {
   const std::int32_t leaf = area_light_of_triangle_[index];
   const Receiver receiver{p, n, transmissive};
   if (leaf < 0 || below(receiver, q - p)) return 0.0f;
@@ -254,7 +246,8 @@ float Lights::pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissiv
 
 std::optional<Distribution1D::Pick> Lights::pick_emitter(float u) const {
   // With one light there is nothing to choose.
-  return emission_.size() == 1 && emission_.total() > 0.0 ? std::optional(Distribution1D::Pick{0, 1.0f, u}) : emission_.sample(u);
+  return emission_.size() == 1 && emission_.total() > 0.0 ? std::optional(Distribution1D::Pick{0, 1.0f, u})
+                                                          : emission_.sample(u);
 }
 
 std::optional<Lights::EmissionPicked> Lights::emit(float u_pick, const Vec2f& u_position,
@@ -263,7 +256,8 @@ std::optional<Lights::EmissionPicked> Lights::emit(float u_pick, const Vec2f& u_
   return pick ? std::optional(emit_by(*pick, u_position, u_direction)) : std::nullopt;
 }
 
-Lights::EmissionPicked Lights::emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position, const Vec2f& u_direction) const {
+Lights::EmissionPicked Lights::emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position,
+                                       const Vec2f& u_direction) const {
   const Rgb& flux = picked_flux_[pick.index];
   const std::size_t areas = area_lights_.size();
   if (pick.index < areas) {
@@ -276,8 +270,7 @@ Lights::EmissionPicked Lights::emit_by(const Distribution1D::Pick& pick, const V
   if (index == punctual_.size()) {
     const auto sample = environment_->sample(u_direction);
     const float disc = kPi * radius_ * radius_;
-    picked = emit_distant(-sample.direction, sample.radiance * (disc / (sample.pdf_w * pick.probability)),
-                          u_position);
+    picked = emit_distant(-sample.direction, sample.radiance * (disc / (sample.pdf_w * pick.probability)), u_position);
   } else if (punctual_[index].kind == PunctualKind::kDirectional) {
     picked = emit_distant(punctual_[index].direction, flux, u_position);
   } else {
@@ -295,8 +288,7 @@ Lights::EmissionPicked Lights::emit_area(std::uint32_t index, float u_side, cons
   const bool back = light.two_sided() && u_side >= 0.5f;
   const Vec3f normal = back ? -light.ng() : light.ng();
   EmissionPicked picked;
-  picked.emission.direction =
-      normalize(Frame::from_normal(normal).to_world(sample_cosine_hemisphere(u_direction)));
+  picked.emission.direction = normalize(Frame::from_normal(normal).to_world(sample_cosine_hemisphere(u_direction)));
   picked.emission.origin = offset_ray_origin(point.position, normal, normal, light.extent());
   picked.emission.light = point.triangle;
   picked.triangle = static_cast<std::int32_t>(point.triangle);
@@ -305,13 +297,11 @@ Lights::EmissionPicked Lights::emit_area(std::uint32_t index, float u_side, cons
 }
 
 /// A ray along `direction` from a disc as large as the scene's sphere and just outside it.
-Lights::EmissionPicked Lights::emit_distant(const Vec3f& direction, const Rgb& flux,
-                                            const Vec2f& u_position) const {
+Lights::EmissionPicked Lights::emit_distant(const Vec3f& direction, const Rgb& flux, const Vec2f& u_position) const {
   const Vec2f disc = sample_disk(u_position);
   const Frame frame = Frame::from_normal(direction);
   EmissionPicked picked;
-  picked.emission.origin =
-      center_ + (frame.t * disc.x + frame.b * disc.y - direction * kDiscDistance) * radius_;
+  picked.emission.origin = center_ + (frame.t * disc.x + frame.b * disc.y - direction * kDiscDistance) * radius_;
   picked.emission.direction = direction;
   picked.emission.flux = flux;
   return picked;

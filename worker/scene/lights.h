@@ -27,7 +27,7 @@ struct LightSample {
 
 /// The start of a photon path.
 struct Emission {
-  Vec3f origin{0, 0, 0};  ///< on the light (already offset off the surface), or on a disc outside the scene
+  Vec3f origin{0, 0, 0};     ///< on the light (already offset off the surface), or on a disc outside the scene
   Vec3f direction{0, 0, 1};  ///< unit
   Rgb flux{0, 0, 0};         ///< W carried by the path if it were the only one: emitted radiance * cos / pdf
   /// For figures per light: the triangle's index; then come the punctual lights, and last the environment.
@@ -74,8 +74,7 @@ class Lights {
   [[nodiscard]] float pdf_w(const Vec3f& p, const Vec3f& n, bool transmissive, std::uint32_t index,
                             const Vec3f& q) const;
   /// Same for the environment in direction `wi`.
-  [[nodiscard]] float pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissive,
-                                        const Vec3f& wi) const;
+  [[nodiscard]] float pdf_w_environment(const Vec3f& p, const Vec3f& n, bool transmissive, const Vec3f& wi) const;
 
   /// Starts a photon path: u_pick chooses the light by flux, `u_position` and `u_direction` the ray. Empty
   /// only when no light emits anything.
@@ -110,20 +109,18 @@ class Lights {
   [[nodiscard]] float tree_importance(const Receiver& receiver) const;
   [[nodiscard]] float directional_importance(const Receiver& receiver, std::uint32_t light) const;
   [[nodiscard]] float environment_importance() const;
-  [[nodiscard]] std::optional<Picked> sample_tree(const Receiver& receiver, float u_pick,
-                                                  const Vec2f& u) const;
-  [[nodiscard]] std::optional<Picked> sample_area(const Receiver& receiver, std::uint32_t leaf,
-                                                  const Vec2f& u) const;
+  [[nodiscard]] std::optional<Picked> sample_tree(const Receiver& receiver, float u_pick, const Vec2f& u) const;
+  [[nodiscard]] std::optional<Picked> sample_area(const Receiver& receiver, std::uint32_t leaf, const Vec2f& u) const;
   [[nodiscard]] std::optional<Picked> sample_punctual(const Receiver& receiver, std::uint32_t light) const;
   [[nodiscard]] std::optional<Picked> sample_environment(const Receiver& receiver, const Vec2f& u) const;
   [[nodiscard]] EmissionPicked emit_area(std::uint32_t light, float u_side, const Vec2f& u_position,
                                          const Vec2f& u_direction) const;
-  void emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>& lights, const Float8& u_side, const Vec2x8& u_position,
-                  const Vec2x8& u_direction, EmissionLanes& emissions) const;
+  void emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>& lights, const Float8& u_side,
+                  const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const;
   [[nodiscard]] std::optional<Distribution1D::Pick> pick_emitter(float u) const;
-  [[nodiscard]] EmissionPicked emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position, const Vec2f& u_direction) const;
-  [[nodiscard]] EmissionPicked emit_distant(const Vec3f& direction, const Rgb& flux,
-                                            const Vec2f& u_position) const;
+  [[nodiscard]] EmissionPicked emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position,
+                                       const Vec2f& u_direction) const;
+  [[nodiscard]] EmissionPicked emit_distant(const Vec3f& direction, const Rgb& flux, const Vec2f& u_position) const;
 
   std::vector<EmissiveTriangle> triangles_;
   std::vector<PunctualLight> punctual_;
@@ -134,9 +131,9 @@ class Lights {
   std::vector<std::uint32_t> near_punctual_;          ///< point and spot lights: leaves after the area lights
   std::vector<std::uint32_t> directional_;
   LightTree tree_;
-  Distribution1D emission_;  ///< area lights, punctual lights, environment; by flux
+  Distribution1D emission_;       ///< area lights, punctual lights, environment; by flux
   std::vector<Rgb> picked_flux_;  ///< of each of them: its flux over the probability of choosing it [W]
-  Vec3f center_{0, 0, 0};  ///< sphere around the scene
+  Vec3f center_{0, 0, 0};         ///< sphere around the scene
   float radius_ = 0;
 };
 

@@ -22,8 +22,7 @@ SpotCone::SpotCone(const PunctualLight& light)
 }
 
 float SpotCone::falloff(float cosine) const {
-  const float t =
-      std::clamp(static_cast<float>((static_cast<double>(cosine) - cos_outer_) / width_), 0.0f, 1.0f);
+  const float t = std::clamp(static_cast<float>((static_cast<double>(cosine) - cos_outer_) / width_), 0.0f, 1.0f);
   return t * t;
 }
 

@@ -28,8 +28,8 @@ Vec3f triangle_normal(const Vec3f& p0, const Vec3f& p1, const Vec3f& p2) {
   Vec3f n = cross(e1, e2);
   constexpr float kSafeSquare = 1e-30f;  // far above FLT_MIN, so that the square root keeps its digits
   if (length2(n) < kSafeSquare) {
-    const float size = std::max({std::abs(e1.x), std::abs(e1.y), std::abs(e1.z), std::abs(e2.x), std::abs(e2.y),
-                                 std::abs(e2.z)});
+    const float size =
+        std::max({std::abs(e1.x), std::abs(e1.y), std::abs(e1.z), std::abs(e2.x), std::abs(e2.y), std::abs(e2.z)});
     if (size > 0.0f) n = cross(e1 / size, e2 / size);
     if (!(length2(n) > 0.0f)) return {0.0f, 0.0f, 1.0f};
   }
@@ -52,7 +52,8 @@ Scene::~Scene() = default;
 
 Scene::Triangle Scene::make_triangle(const std::array<Vec3f, 3>& corners) {
   const auto& [p0, p1, p2] = corners;
-  return {corners, triangle_normal(p0, p1, p2), std::max(max_magnitude(p0), std::max(max_magnitude(p1), max_magnitude(p2)))};
+  return {corners, triangle_normal(p0, p1, p2),
+          std::max(max_magnitude(p0), std::max(max_magnitude(p1), max_magnitude(p2)))};
 }
 
 SurfacePoint Scene::point_on(const Placement& placed, const Triangles& triangles, const Hit& hit) {

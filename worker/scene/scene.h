@@ -23,20 +23,20 @@ namespace pf {
 
 struct Ray {
   Vec3f origin;
-  Vec3f direction;           ///< unit, except for shadow segments
+  Vec3f direction;  ///< unit, except for shadow segments
   float t_max = kInfinity;
 };
 
 /// What a ray met, before textures: enough to shade, and to start again from.
 struct SurfacePoint {
-  Vec3f position;            ///< interpolated from the triangle's corners (more exact than origin + t * direction)
-  Vec3f ng;                  ///< unit geometric normal of the front face
-  Vec3f ns;                  ///< unit interpolated normal on ng's side; ng when the mesh has none
-  float t = 0;               ///< distance along the ray
+  Vec3f position;  ///< interpolated from the triangle's corners (more exact than origin + t * direction)
+  Vec3f ng;        ///< unit geometric normal of the front face
+  Vec3f ns;        ///< unit interpolated normal on ng's side; ng when the mesh has none
+  float t = 0;     ///< distance along the ray
   std::uint32_t placement = 0;
   std::uint32_t primitive = 0;
-  float b1 = 0, b2 = 0;      ///< barycentric coordinates of the second and third corner
-  float extent = 0;          ///< largest absolute coordinate of the triangle's corners: bounds the error of `position`
+  float b1 = 0, b2 = 0;  ///< barycentric coordinates of the second and third corner
+  float extent = 0;      ///< largest absolute coordinate of the triangle's corners: bounds the error of `position`
   int material = 0;
 };
 
@@ -46,7 +46,7 @@ struct SurfaceLanes;
 /// Light absorption inside a refracting volume.
 struct Medium {
   float ior = 1.0f;
-  Rgb sigma_a{0, 0, 0};      ///< 1/m [KHR_materials_volume: -ln(attenuationColor) / attenuationDistance]
+  Rgb sigma_a{0, 0, 0};  ///< 1/m [KHR_materials_volume: -ln(attenuationColor) / attenuationDistance]
 };
 
 /// A scene ready to be traced: immutable, shared by all threads. Opaque two-sided surfaces, alpha already decided by
@@ -61,7 +61,8 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   [[nodiscard]] std::optional<SurfacePoint> intersect(const Ray& ray) const;
-  /// The same for many rays at once: of rays[i] those of lanes[i]. The triangles of all are fetched from memory together.
+  /// The same for many rays at once: of rays[i] those of lanes[i]. The triangles of all are fetched from memory
+  /// together.
   void intersect(std::span<const RayLanes> rays, std::span<const unsigned> lanes, std::span<SurfaceLanes> points) const;
   /// Whether the ray meets anything, by a closest-hit query without shading: what the bench holds tracing against.
   [[nodiscard]] bool meets(const Ray& ray) const;
@@ -125,30 +126,30 @@ class Scene {
     int mesh = 0;
     int material = 0;
     bool instanced = false;
-    bool mirrored = false;                 ///< instance transform with negative determinant
+    bool mirrored = false;  ///< instance transform with negative determinant
     Matrix44f object_to_world;
-    Matrix44f normal_to_world;             ///< inverse transpose
-    std::int32_t first_emissive = -1;      ///< index of its first triangle in Lights
+    Matrix44f normal_to_world;         ///< inverse transpose
+    std::int32_t first_emissive = -1;  ///< index of its first triangle in Lights
   };
   /// What is known of a material before any point of it is met.
   struct MaterialTraits {
     bool emissive = false, textured = false, refracts = false;
-    bool emission_varies = false;          ///< over a triangle: textured, or by vertex colours
+    bool emission_varies = false;  ///< over a triangle: textured, or by vertex colours
     bool plain_lambert = false;
-    Rgb lambert_albedo{0, 0, 0};           ///< of a plain Lambert reflector
+    Rgb lambert_albedo{0, 0, 0};  ///< of a plain Lambert reflector
     std::optional<SmoothMaterial> smooth;
     Medium medium;
-    SurfaceParams constant;                ///< parameters when nothing is textured
+    SurfaceParams constant;  ///< parameters when nothing is textured
   };
 
   /// A triangle as placed in its mesh (in the world when the mesh is placed once), and what a hit asks of it.
   struct alignas(64) Triangle {
     std::array<Vec3f, 3> corners;
-    Vec3f ng;                              ///< unit
-    float extent;                          ///< largest absolute coordinate of the corners
+    Vec3f ng;      ///< unit
+    float extent;  ///< largest absolute coordinate of the corners
   };
-  /// A mesh's triangles side by side: a hit reads one cache line, and two more of normals, at known places, where indices and
-  /// vertices would be a chain of misses (a tenth of photon tracing's time on 200k triangles).
+  /// A mesh's triangles side by side: a hit reads one cache line, and two more of normals, at known places, where
+  /// indices and vertices would be a chain of misses (a tenth of photon tracing's time on 200k triangles).
   struct Triangles {
     std::vector<Triangle> flat;
     std::vector<std::array<Vec3f, 3>> normals;  ///< at the corners; empty: flat shading
@@ -156,7 +157,7 @@ class Scene {
   /// What a hit asks of a placement.
   struct PlacedTriangles {
     const Triangle* flat;
-    const std::array<Vec3f, 3>* normals;   ///< null: flat shading, or instanced
+    const std::array<Vec3f, 3>* normals;  ///< null: flat shading, or instanced
     int material;
     bool instanced;
   };
@@ -181,7 +182,8 @@ class Scene {
   [[nodiscard]] Rgb find_emission_ratio(std::uint32_t index, const Vec2f& barycentric) const;
   [[nodiscard]] Vec2f uv(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
   [[nodiscard]] Vec4f texel(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref) const;
-  [[nodiscard]] Vec3f mapped_normal(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref, float scale) const;
+  [[nodiscard]] Vec3f mapped_normal(const Mesh& mesh, const SurfacePoint& point, const TextureRef& ref,
+                                    float scale) const;
   [[nodiscard]] Vec4f vertex_color(const Mesh& mesh, const SurfacePoint& point) const;
   void apply_textures(const SurfacePoint& point, SurfaceParams& params) const;
   [[nodiscard]] Rgb radiance_of(const SurfacePoint& point) const;
@@ -190,8 +192,8 @@ class Scene {
 
   SceneDescription description_;
   std::vector<Placement> placements_;
-  std::vector<Triangles> triangles_;               ///< per mesh
-  std::vector<PlacedTriangles> placed_;            ///< per placement
+  std::vector<Triangles> triangles_;     ///< per mesh
+  std::vector<PlacedTriangles> placed_;  ///< per placement
   std::vector<MaterialTraits> traits_;
   std::vector<std::vector<int>> media_of_emitters_;  ///< empty when the scene has no medium
   std::unique_ptr<TextureStore> textures_;

@@ -53,7 +53,9 @@ Result<std::unique_ptr<const Scene>> Scene::build(SceneDescription description) 
   if (auto built = scene->build_embree(); !built) return tl::unexpected(built.error());
 
   Environment& environment = scene->description_.environment;
-  const auto emissive = [&](const Placement& p) { return scene->traits_[scene->description_.meshes[p.mesh].material].emissive; };
+  const auto emissive = [&](const Placement& p) {
+    return scene->traits_[scene->description_.meshes[p.mesh].material].emissive;
+  };
   const bool lit = environment.present() || !scene->description_.lights.empty() ||
                    std::any_of(scene->placements_.begin(), scene->placements_.end(), emissive);
   if (!lit) {
@@ -189,8 +191,9 @@ Result<void> Scene::build_embree() {
   RTCBounds bounds{};
   rtcGetSceneBounds(embree_->top.get(), &bounds);
   const bool any = !placements_.empty() && bounds.lower_x <= bounds.upper_x;
-  bounds_ = any ? Box3f({bounds.lower_x, bounds.lower_y, bounds.lower_z}, {bounds.upper_x, bounds.upper_y, bounds.upper_z})
-                : Box3f({-1, -1, -1}, {1, 1, 1});
+  bounds_ =
+      any ? Box3f({bounds.lower_x, bounds.lower_y, bounds.lower_z}, {bounds.upper_x, bounds.upper_y, bounds.upper_z})
+          : Box3f({-1, -1, -1}, {1, 1, 1});
   return {};
 }
 
@@ -239,7 +242,8 @@ void Scene::find_lights() {
     if (!traits_[mesh.material].emissive) continue;
     placed.first_emissive = static_cast<std::int32_t>(emitters.size());
     bool& varies = traits_[mesh.material].emission_varies;
-    varies = varies || (m.unlit ? m.base_color_texture.present() || !mesh.colors.empty() : m.emission_texture.present());
+    varies =
+        varies || (m.unlit ? m.base_color_texture.present() || !mesh.colors.empty() : m.emission_texture.present());
     any_emission_varies_ = any_emission_varies_ || varies;
     for (std::uint32_t primitive = 0; primitive < mesh.triangles.size(); ++primitive) {
       EmissiveTriangle emitter;
@@ -255,7 +259,8 @@ void Scene::find_lights() {
       if (varies) {
         constexpr int kProbes = 16;  // of the texture; only the choice of lights depends on them
         for (int s = 0; s < kProbes; ++s) {
-          const Vec2f b = sample_triangle({(static_cast<float>(s) + 0.5f) / kProbes, to_unit_float(reverse_bits(s) | 0x8u)});
+          const Vec2f b =
+              sample_triangle({(static_cast<float>(s) + 0.5f) / kProbes, to_unit_float(reverse_bits(s) | 0x8u)});
           emitter.radiance += radiance_of(surface_point(static_cast<std::uint32_t>(i), primitive, b.x, b.y)) / kProbes;
         }
         // A texel that no probe met still can be chosen.
@@ -289,9 +294,8 @@ void Scene::Embree::alpha_filter(const RTCFilterFunctionNArguments* args) {
     if (args->valid[i] != -1) continue;
     const unsigned instance = RTCHitN_instID(args->hit, args->N, i, 0);
     const unsigned placement = instance == RTC_INVALID_GEOMETRY_ID ? RTCHitN_geomID(args->hit, args->N, i) : instance;
-    const SurfacePoint point =
-        scene.surface_point(placement, RTCHitN_primID(args->hit, args->N, i), RTCHitN_u(args->hit, args->N, i),
-                            RTCHitN_v(args->hit, args->N, i));
+    const SurfacePoint point = scene.surface_point(placement, RTCHitN_primID(args->hit, args->N, i),
+                                                   RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i));
     const Vec3f origin{RTCRayN_org_x(args->ray, args->N, i), RTCRayN_org_y(args->ray, args->N, i),
                        RTCRayN_org_z(args->ray, args->N, i)};
     const Vec3f direction{RTCRayN_dir_x(args->ray, args->N, i), RTCRayN_dir_y(args->ray, args->N, i),

@@ -19,7 +19,8 @@ void Scene::Embree::intersect(const RayLanes& rays, unsigned lanes, SurfaceLanes
     _mm256_store_si256(reinterpret_cast<__m256i*>(to), _mm256_set1_epi32(static_cast<int>(value)));
   };
   set(packet.ray.org_x, rays.origin.x), set(packet.ray.org_y, rays.origin.y), set(packet.ray.org_z, rays.origin.z);
-  set(packet.ray.dir_x, rays.direction.x), set(packet.ray.dir_y, rays.direction.y), set(packet.ray.dir_z, rays.direction.z);
+  set(packet.ray.dir_x, rays.direction.x), set(packet.ray.dir_y, rays.direction.y),
+      set(packet.ray.dir_z, rays.direction.z);
   set(packet.ray.tnear, Float8{}), set(packet.ray.time, Float8{}), set(packet.ray.tfar, rays.t_max);
   set_all(packet.ray.mask, ~0u), set_all(packet.ray.id, 0), set_all(packet.ray.flags, 0);
   set_all(packet.hit.geomID, RTC_INVALID_GEOMETRY_ID), set_all(packet.hit.instID[0], RTC_INVALID_GEOMETRY_ID);
@@ -42,7 +43,8 @@ void Scene::Embree::intersect(const RayLanes& rays, unsigned lanes, SurfaceLanes
   met.b2 = _mm256_load_ps(packet.hit.v);
 }
 
-void Scene::intersect(std::span<const RayLanes> rays, std::span<const unsigned> lanes, std::span<SurfaceLanes> points) const {
+void Scene::intersect(std::span<const RayLanes> rays, std::span<const unsigned> lanes,
+                      std::span<SurfaceLanes> points) const {
   for (std::size_t i = 0; i < rays.size(); ++i) {
     SurfaceLanes& met = points[i];
     met.hits = 0;
@@ -75,7 +77,8 @@ void Scene::find_points(SurfaceLanes& points) const {
   }
   transpose(low);
   transpose(high);
-  points.position = interpolate({low[0], low[1], low[2]}, {low[3], low[4], low[5]}, {low[6], low[7], high[0]}, points.b1, points.b2);
+  points.position =
+      interpolate({low[0], low[1], low[2]}, {low[3], low[4], low[5]}, {low[6], low[7], high[0]}, points.b1, points.b2);
   points.ng = points.ns = {high[1], high[2], high[3]};
   points.extent = high[4];
   unsigned smooth = 0, instanced = 0;
@@ -86,7 +89,8 @@ void Scene::find_points(SurfaceLanes& points) const {
   });
   if (smooth != 0) turn_normals(smooth, points);
   for_each_lane(instanced, [&](std::size_t lane) {
-    const SurfacePoint point = surface_point(points.placement[lane], points.primitive[lane], points.b1[lane], points.b2[lane]);
+    const SurfacePoint point =
+        surface_point(points.placement[lane], points.primitive[lane], points.b1[lane], points.b2[lane]);
     points.position.set(lane, point.position);
     points.ng.set(lane, point.ng);
     points.ns.set(lane, point.ns);

@@ -44,8 +44,7 @@ Vec3d sample_spherical_triangle(const Vec3d& a_in, const Vec3d& b_in, const Vec3
   const double k1 = cos_phi + cos_alpha;
   const double k2 = sin_phi - sin_alpha * a.dot(b);
   const double cos_side = std::clamp(
-      (k2 + (k2 * cos_phi - k1 * sin_phi) * cos_alpha) / ((k2 * sin_phi + k1 * cos_phi) * sin_alpha), -1.0,
-      1.0);
+      (k2 + (k2 * cos_phi - k1 * sin_phi) * cos_alpha) / ((k2 * sin_phi + k1 * cos_phi) * sin_alpha), -1.0, 1.0);
   const Vec3d c_cut = a * cos_side + orthogonal_part(c, a) * safe_sqrt(1.0 - cos_side * cos_side);
 
   const double cos_theta = 1.0 - static_cast<double>(u.y) * (1.0 - c_cut.dot(b));
@@ -65,10 +64,8 @@ SphericalRectangle::SphericalRectangle(const Vec3d& corner, const Vec3d& edge_u,
   const Vec3d v00(x0_, y0_, z0_), v01(x0_, y1_, z0_), v10(x1_, y0_, z0_), v11(x1_, y1_, z0_);
   const Vec3d n0 = v00.cross(v10).normalized(), n1 = v10.cross(v11).normalized();
   const Vec3d n2 = v11.cross(v01).normalized(), n3 = v01.cross(v00).normalized();
-  const double g0 = std::acos(std::clamp(-n0.dot(n1), -1.0, 1.0)),
-               g1 = std::acos(std::clamp(-n1.dot(n2), -1.0, 1.0));
-  const double g2 = std::acos(std::clamp(-n2.dot(n3), -1.0, 1.0)),
-               g3 = std::acos(std::clamp(-n3.dot(n0), -1.0, 1.0));
+  const double g0 = std::acos(std::clamp(-n0.dot(n1), -1.0, 1.0)), g1 = std::acos(std::clamp(-n1.dot(n2), -1.0, 1.0));
+  const double g2 = std::acos(std::clamp(-n2.dot(n3), -1.0, 1.0)), g3 = std::acos(std::clamp(-n3.dot(n0), -1.0, 1.0));
   b0_ = n0.z;
   b1_ = n2.z;
   k_ = 2.0 * kPiD - g2 - g3;

@@ -124,8 +124,8 @@ void generate_tangents(Mesh& mesh, const std::vector<Vec2f>& uv) {
   std::vector<std::array<Vec3f, 2>> sums(vertices, {Vec3f(0.0f, 0.0f, 0.0f), Vec3f(0.0f, 0.0f, 0.0f)});
   for (const auto& t : mesh.triangles) {
     const Vec3f& p0 = mesh.positions[t[0]];
-    faces.push_back(face_tangent(mesh.positions[t[1]] - p0, mesh.positions[t[2]] - p0, uv[t[1]] - uv[t[0]],
-                                 uv[t[2]] - uv[t[0]]));
+    faces.push_back(
+        face_tangent(mesh.positions[t[1]] - p0, mesh.positions[t[2]] - p0, uv[t[1]] - uv[t[0]], uv[t[2]] - uv[t[0]]));
     const FaceTangent& face = faces.back();
     if (!face.valid) continue;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -133,8 +133,7 @@ void generate_tangents(Mesh& mesh, const std::vector<Vec2f>& uv) {
       const Vec3f& n = mesh.normals[i];
       const Vec3f a = projected(mesh.positions[t[(c + 1) % 3]] - mesh.positions[i], n);
       const Vec3f b = projected(mesh.positions[t[(c + 2) % 3]] - mesh.positions[i], n);
-      sums[weld[i]][static_cast<std::size_t>(face.mirrored)] +=
-          projected(face.direction, n) * angle_between(a, b);
+      sums[weld[i]][static_cast<std::size_t>(face.mirrored)] += projected(face.direction, n) * angle_between(a, b);
     }
   }
 

@@ -50,8 +50,7 @@ std::size_t TexturePixels::bytes(const PixelLayout& layout) {
   return blocks(layout.width) * blocks(layout.height) * 16 * layout.channels * layout.bytes_per_channel;
 }
 
-Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in_memory,
-                                              const std::string& name) {
+Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in_memory, const std::string& name) {
   TexturePixels result;
   result.layout_ = layout;
   result.blocks_per_row_ = blocks(layout.width);
@@ -68,9 +67,8 @@ Result<TexturePixels> TexturePixels::allocate(const PixelLayout& layout, bool in
   const auto folder = std::filesystem::temp_directory_path(ignored);
   result.data_ = {map_temporary_file(folder, size), Release{size}};
   if (!result.data_) {
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: no room for {} MiB of texels in {}: {}", name, size >> 20, folder.string(),
-                            std::generic_category().message(errno)));
+    return fail(ErrorKind::kInternal, fmt::format("{}: no room for {} MiB of texels in {}: {}", name, size >> 20,
+                                                  folder.string(), std::generic_category().message(errno)));
   }
   return result;
 }

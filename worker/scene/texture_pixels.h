@@ -24,9 +24,7 @@ class TexturePixels {
 
   void set_row(std::size_t y, std::span<const std::uint8_t> row);
   /// First byte of a texel: layout().channels values of layout().bytes_per_channel bytes.
-  [[nodiscard]] const std::uint8_t* texel(std::size_t x, std::size_t y) const {
-    return data_.get() + offset(x, y);
-  }
+  [[nodiscard]] const std::uint8_t* texel(std::size_t x, std::size_t y) const { return data_.get() + offset(x, y); }
   [[nodiscard]] const PixelLayout& layout() const { return layout_; }
 
  private:

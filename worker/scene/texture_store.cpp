@@ -69,9 +69,7 @@ Neighbours neighbours(float position, Wrap wrap, std::size_t size) {
           static_cast<std::size_t>(low + 1 > last ? after : low + 1), shifted - floor};
 }
 
-std::size_t nearest(float position, std::size_t size) {
-  return std::min(static_cast<std::size_t>(position), size - 1);
-}
+std::size_t nearest(float position, std::size_t size) { return std::min(static_cast<std::size_t>(position), size - 1); }
 
 std::string display_name(const Texture& texture, std::size_t index) {
   if (!texture.file.empty()) return texture.file;
@@ -83,8 +81,7 @@ Result<std::vector<std::uint8_t>> read_file(const std::string& file) {
   const std::uintmax_t size = std::filesystem::file_size(file, error);
   if (error) return fail(ErrorKind::kInvalidInput, fmt::format("{}: {}", file, error.message()));
   if (size > kMaxFileBytes) {
-    return fail(ErrorKind::kInvalidInput,
-                fmt::format("{}: file has {} bytes; at most 2 GiB are read", file, size));
+    return fail(ErrorKind::kInvalidInput, fmt::format("{}: file has {} bytes; at most 2 GiB are read", file, size));
   }
   std::vector<std::uint8_t> bytes(size);
   std::ifstream stream(file, std::ios::binary);
@@ -96,8 +93,7 @@ Result<std::vector<std::uint8_t>> read_file(const std::string& file) {
 }
 
 /// Decodes the image of one texture; `left` is what remains of the memory for texels.
-Result<TexturePixels> decode(const Texture& texture, const std::string& name,
-                             std::atomic<std::int64_t>& left) {
+Result<TexturePixels> decode(const Texture& texture, const std::string& name, std::atomic<std::int64_t>& left) {
   std::vector<std::uint8_t> from_file;
   if (!texture.file.empty()) {
     auto read = read_file(texture.file);
@@ -106,8 +102,7 @@ Result<TexturePixels> decode(const Texture& texture, const std::string& name,
   } else if (texture.bytes == nullptr) {
     return fail(ErrorKind::kInvalidInput, fmt::format("{}: texture without an image", name));
   }
-  const std::span<const std::uint8_t> encoded =
-      texture.file.empty() ? std::span(*texture.bytes) : std::span(from_file);
+  const std::span<const std::uint8_t> encoded = texture.file.empty() ? std::span(*texture.bytes) : std::span(from_file);
   std::optional<TexturePixels> pixels;
   const RowSink sink{[&](const PixelLayout& layout) -> Result<void> {
                        const auto size = static_cast<std::int64_t>(TexturePixels::bytes(layout));
@@ -147,10 +142,8 @@ void TextureStore::Impl::add_sampler(const Texture& texture, const TexturePixels
     linear16 = linear_table(65536, ColorSpace::kLinear);
   }
   const std::vector<float>& linear = wide ? linear16 : linear8;
-  const std::vector<float>& colour =
-      texture.color_space == ColorSpace::kLinear ? linear : (wide ? srgb16 : srgb8);
-  samplers.push_back(
-      {&pixels, texture.wrap_s, texture.wrap_t, texture.nearest, colour.data(), linear.data()});
+  const std::vector<float>& colour = texture.color_space == ColorSpace::kLinear ? linear : (wide ? srgb16 : srgb8);
+  samplers.push_back({&pixels, texture.wrap_s, texture.wrap_t, texture.nearest, colour.data(), linear.data()});
 }
 
 Vec4f TextureStore::Impl::texel(const Sampler& sampler, std::size_t x, std::size_t y) {
@@ -202,8 +195,7 @@ Result<TextureStore> TextureStore::open(const std::vector<Texture>& textures, st
     if (!*image) return tl::unexpected(image->error());
     impl->images.push_back(std::move(**image));
   }
-  for (std::size_t i = 0; i < textures.size(); ++i)
-    impl->add_sampler(textures[i], impl->images[image_of_texture[i]]);
+  for (std::size_t i = 0; i < textures.size(); ++i) impl->add_sampler(textures[i], impl->images[image_of_texture[i]]);
   return TextureStore(std::move(impl));
 }
 
@@ -220,8 +212,8 @@ Vec4f TextureStore::lookup(int texture, const Vec2f& uv) const {
   const Neighbours v = neighbours(y, sampler.wrap_t, layout.height);
   const Vec4f top =
       Impl::texel(sampler, h.low, v.low) * (1.0f - h.weight) + Impl::texel(sampler, h.high, v.low) * h.weight;
-  const Vec4f bottom = Impl::texel(sampler, h.low, v.high) * (1.0f - h.weight) +
-                       Impl::texel(sampler, h.high, v.high) * h.weight;
+  const Vec4f bottom =
+      Impl::texel(sampler, h.low, v.high) * (1.0f - h.weight) + Impl::texel(sampler, h.high, v.high) * h.weight;
   return top * (1.0f - v.weight) + bottom * v.weight;
 }
 

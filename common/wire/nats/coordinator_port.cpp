@@ -20,8 +20,8 @@ struct JetStreamDeleter {
 };
 using JetStream = std::unique_ptr<jsCtx, JetStreamDeleter>;
 
-/// Work queue: a task goes to one worker and disappears with its ack. Full, it refuses new tasks instead of dropping old
-/// ones.
+/// Work queue: a task goes to one worker and disappears with its ack. Full, it refuses new tasks instead of dropping
+/// old ones.
 natsStatus make_stream(jsCtx* js, std::uint64_t max_bytes, jsErrCode* error) {
   const char* subjects[] = {engine::kTaskSubject};
   jsStreamConfig config;
@@ -66,10 +66,11 @@ struct NatsCoordinatorPort::Impl {
     if (status == NATS_OK) status = make_consumer(js.get(), options.ack_wait_seconds, &error);
     if (status == NATS_OK) return {};
     if (error != 0) {
-      return fail(ErrorKind::kUnavailable,
-                  fmt::format("engine {}: the work queue {} cannot be made: {}; is it another program's, or made by another "
-                              "version? `nats stream info {}` shows it",
-                              link->url(), engine::kStream, nats_GetLastError(nullptr), engine::kStream));
+      return fail(
+          ErrorKind::kUnavailable,
+          fmt::format("engine {}: the work queue {} cannot be made: {}; is it another program's, or made by another "
+                      "version? `nats stream info {}` shows it",
+                      link->url(), engine::kStream, nats_GetLastError(nullptr), engine::kStream));
     }
     return link->failure("the work queue cannot be made", status);
   }
@@ -80,14 +81,16 @@ struct NatsCoordinatorPort::Impl {
     jsPubOptions_Init(&how);
     how.MaxWait = kAnswerMs;
     how.MsgId = id_text.c_str();
-    return js_Publish(nullptr, js.get(), engine::kTaskSubject, bytes.data(), static_cast<int>(bytes.size()), &how, error);
+    return js_Publish(nullptr, js.get(), engine::kTaskSubject, bytes.data(), static_cast<int>(bytes.size()), &how,
+                      error);
   }
 };
 
 NatsCoordinatorPort::NatsCoordinatorPort(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 NatsCoordinatorPort::~NatsCoordinatorPort() = default;
 
-Result<std::unique_ptr<NatsCoordinatorPort>> NatsCoordinatorPort::connect(const EngineOptions& options, EventSink sink) {
+Result<std::unique_ptr<NatsCoordinatorPort>> NatsCoordinatorPort::connect(const EngineOptions& options,
+                                                                          EventSink sink) {
   auto impl = std::make_unique<Impl>();
   impl->options = options;
   Result<std::unique_ptr<Link>> link = Link::open(options, sink, {});
@@ -105,7 +108,8 @@ Result<std::unique_ptr<NatsCoordinatorPort>> NatsCoordinatorPort::connect(const 
 
   Result<void> listening = impl->link->listen(engine::kFromWorkers, [sink = std::move(sink)](engine::Message message) {
     const std::string_view subject = natsMsg_GetSubject(message.get());
-    sink(MessageArrived{std::string(subject.substr(subject.rfind('.') + 1)), std::string(engine::data_of(message.get()))});
+    sink(MessageArrived{std::string(subject.substr(subject.rfind('.') + 1)),
+                        std::string(engine::data_of(message.get()))});
   });
   if (listening) listening = impl->link->flush();
   if (!listening) return tl::unexpected(listening.error());

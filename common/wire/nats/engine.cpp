@@ -2,7 +2,6 @@
 
 #include <sys/stat.h>
 
-
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
@@ -17,8 +16,9 @@ constexpr std::uint64_t kMaxCredentialsBytes = 64 * 1024;
 Result<void> check_mode(const std::filesystem::path& file) {
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && (info.st_mode & 077) != 0) {
-    return fail(ErrorKind::kUsage, fmt::format("{}: mode {:04o} lets others read a password; expected 0600: chmod 600 {}",
-                                               file.string(), info.st_mode & 07777, file.string()));
+    return fail(ErrorKind::kUsage,
+                fmt::format("{}: mode {:04o} lets others read a password; expected 0600: chmod 600 {}", file.string(),
+                            info.st_mode & 07777, file.string()));
   }
   return {};
 }
@@ -49,9 +49,10 @@ Result<EngineOptions> load_credentials(const std::filesystem::path& file) {
       const std::string name(key.str());
       const auto value = node.value_exact<std::string>();
       if (!value || !set(name, *value)) {
-        return fail(ErrorKind::kUsage,
-                    fmt::format("{}:{}: '{}'; expected strings url, name, user, password, credentials, ca, certificate, key",
-                                file.string(), key.source().begin.line, name));
+        return fail(
+            ErrorKind::kUsage,
+            fmt::format("{}:{}: '{}'; expected strings url, name, user, password, credentials, ca, certificate, key",
+                        file.string(), key.source().begin.line, name));
       }
     }
   } catch (const toml::parse_error& error) {

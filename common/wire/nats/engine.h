@@ -16,23 +16,24 @@ namespace pf {
 
 /// How to reach the engine, and who one is there.
 struct EngineOptions {
-  std::string url;       ///< nats://HOST:PORT or tls://HOST:PORT; several with commas between
-  std::string name;      ///< of this process: "coordinator", or the worker's; [A-Za-z0-9_-]{1,64}
-  std::string user;      ///< with `password`, or empty
+  std::string url;   ///< nats://HOST:PORT or tls://HOST:PORT; several with commas between
+  std::string name;  ///< of this process: "coordinator", or the worker's; [A-Za-z0-9_-]{1,64}
+  std::string user;  ///< with `password`, or empty
   std::string password;
   std::filesystem::path credentials;  ///< NATS .creds file (JWT and key) instead of user and password
   std::filesystem::path ca;           ///< whose server certificates are trusted; makes TLS a must
   std::filesystem::path certificate;  ///< of this process, with `key`; for servers that ask for one
   std::filesystem::path key;
-  std::string inbox_prefix;           ///< by default _INBOX.NAME, which is what the permissions of `farm init` allow
-  double ack_wait_seconds = 30.0;     ///< coordinator: a task that no worker reports on for so long goes to another
+  std::string inbox_prefix;        ///< by default _INBOX.NAME, which is what the permissions of `farm init` allow
+  double ack_wait_seconds = 30.0;  ///< coordinator: a task that no worker reports on for so long goes to another
   std::uint64_t max_tasks_bytes = std::uint64_t{256} << 20;  ///< coordinator: bound of the work queue on disk
   std::size_t max_outgoing_bytes = std::size_t{16} << 20;    ///< messages that wait to be sent
   std::size_t max_pending_bytes = std::size_t{256} << 20;    ///< messages that wait to be taken; more get lost
 };
 
-/// Reads what `photonfarm farm init` writes for one process: a TOML file with url, name, user, password, ca, certificate, key
-/// (paths relative to the file). Errors: kUsage, naming file, line and key; also when others than the owner may read it.
+/// Reads what `photonfarm farm init` writes for one process: a TOML file with url, name, user, password, ca,
+/// certificate, key (paths relative to the file). Errors: kUsage, naming file, line and key; also when others than the
+/// owner may read it.
 [[nodiscard]] Result<EngineOptions> load_credentials(const std::filesystem::path& file);
 
 struct TaskDelivered {
@@ -60,9 +61,9 @@ using EngineEvent = std::variant<TaskDelivered, NoTask, MessageArrived, Connecti
 /// Bytes that an event holds, for the bound of an EventQueue.
 [[nodiscard]] std::size_t bytes_of(const EngineEvent& event);
 
-/// Takes events; called on threads of the port, one event of a kind at a time. It may wait, as a full queue does: messages
-/// then stay with the port (up to max_pending_bytes). Whoever destroys the port makes sure first that it waits no longer
-/// (EventQueue::close).
+/// Takes events; called on threads of the port, one event of a kind at a time. It may wait, as a full queue does:
+/// messages then stay with the port (up to max_pending_bytes). Whoever destroys the port makes sure first that it waits
+/// no longer (EventQueue::close).
 using EventSink = std::function<void(EngineEvent event)>;
 
 /// Figures since the port was made.
@@ -75,9 +76,9 @@ struct EngineCounters {
   std::uint64_t reconnects = 0;
 };
 
-// The ports over NATS JetStream. A lost connection is tried again for ever (a quarter of a second to 2 s apart, with jitter);
-// until then messages are dropped and tasks refused, and the cores try again. Messages go out on a thread of the port:
-// send() waits at most a second, and only when max_outgoing_bytes wait already.
+// The ports over NATS JetStream. A lost connection is tried again for ever (a quarter of a second to 2 s apart, with
+// jitter); until then messages are dropped and tasks refused, and the cores try again. Messages go out on a thread of
+// the port: send() waits at most a second, and only when max_outgoing_bytes wait already.
 
 class NatsCoordinatorPort final : public CoordinatorPort {
  public:
@@ -86,8 +87,8 @@ class NatsCoordinatorPort final : public CoordinatorPort {
                                                                             EventSink sink);
   ~NatsCoordinatorPort() override;
 
-  /// Waits for the engine's word, about 1 s at most. Errors: kUnavailable; the task may be there nevertheless, and a second
-  /// try with the same id does no harm for two minutes.
+  /// Waits for the engine's word, about 1 s at most. Errors: kUnavailable; the task may be there nevertheless, and a
+  /// second try with the same id does no harm for two minutes.
   [[nodiscard]] Result<void> publish_task(std::string_view id, std::string_view bytes) override;
   [[nodiscard]] Result<void> purge_tasks() override;
   void send(std::string_view worker, std::string_view bytes) override;

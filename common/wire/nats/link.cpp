@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 using std::chrono::steady_clock;
 
 constexpr std::size_t kMaxOutgoing = 4096;  // messages that wait, however small
-constexpr std::size_t kMaxReports = 1000;    // on connection and problems; more get lost
+constexpr std::size_t kMaxReports = 1000;   // on connection and problems; more get lost
 constexpr int kConnectMs = 2000;            // for one try
 constexpr int kPingMs = 5000;               // a connection that answers no ping for so long, twice, is dead
 constexpr int kPings = 2;
@@ -25,8 +25,8 @@ struct OptionsDeleter {
 };
 using Options = std::unique_ptr<natsOptions, OptionsDeleter>;
 
-/// Waits between tries to come back: 50 ms, then doubling up to 2 s, less up to a quarter so that workers do not come in
-/// step. Called by the client on its own thread.
+/// Waits between tries to come back: 50 ms, then doubling up to 2 s, less up to a quarter so that workers do not come
+/// in step. Called by the client on its own thread.
 int64_t reconnect_delay(natsConnection* /*connection*/, int attempts, void* /*closure*/) {
   const int64_t delay = std::min<int64_t>(2000, int64_t{50} << std::clamp(attempts - 1, 0, 6));
   return delay - nats_Now() % (delay / 4 + 1);
@@ -97,7 +97,8 @@ std::string hint_for(natsStatus status) {
     case NATS_SSL_ERROR:
     case NATS_SECURE_CONNECTION_WANTED:
     case NATS_SECURE_CONNECTION_REQUIRED:
-      return "does the server speak TLS, and is `ca` of the credentials file the one that signed its certificate for this "
+      return "does the server speak TLS, and is `ca` of the credentials file the one that signed its certificate for "
+             "this "
              "host name?";
     case NATS_NOT_PERMITTED:
       return "the user lacks a permission: see photonfarm farm init";
@@ -131,7 +132,8 @@ Link::Link(const EngineOptions& options, EventSink sink, std::function<void()> r
       outgoing_(kMaxOutgoing, options.max_outgoing_bytes),
       reports_(kMaxReports) {}
 
-Result<std::unique_ptr<Link>> Link::open(const EngineOptions& wanted, EventSink sink, std::function<void()> reconnected) {
+Result<std::unique_ptr<Link>> Link::open(const EngineOptions& wanted, EventSink sink,
+                                         std::function<void()> reconnected) {
   const std::vector<std::string> urls = split_urls(wanted.url);
   if (urls.empty()) return fail(ErrorKind::kUsage, "engine: no URL; expected nats://HOST:PORT or tls://HOST:PORT");
   if (!is_token(wanted.name)) {
@@ -143,6 +145,7 @@ Result<std::unique_ptr<Link>> Link::open(const EngineOptions& wanted, EventSink 
   natsStatus status = natsOptions_Create(&raw);
   const Options options(raw);
   std::vector<const char*> servers;
+  servers.reserve(urls.size());
   for (const std::string& url : urls) servers.push_back(url.c_str());
   if (status == NATS_OK) status = natsOptions_SetServers(raw, servers.data(), static_cast<int>(servers.size()));
   if (status == NATS_OK) status = set_identity(raw, wanted);
@@ -201,8 +204,9 @@ void Link::send_all() {
     const char* reply = next->reply.empty() ? nullptr : next->reply.c_str();
     const int size = static_cast<int>(next->bytes.size());
     const natsStatus status =
-        reply == nullptr ? natsConnection_Publish(connection_, next->subject.c_str(), next->bytes.data(), size)
-                         : natsConnection_PublishRequest(connection_, next->subject.c_str(), reply, next->bytes.data(), size);
+        reply == nullptr
+            ? natsConnection_Publish(connection_, next->subject.c_str(), next->bytes.data(), size)
+            : natsConnection_PublishRequest(connection_, next->subject.c_str(), reply, next->bytes.data(), size);
     count_sent(status, next->bytes.size());
     if (status == NATS_MAX_PAYLOAD) report(EngineProblem{describe("message dropped", status)});
   }
@@ -269,8 +273,8 @@ void Link::on_disconnected(natsConnection* connection, void* closure) {
   if (self.closing_) return;
   const char* words = nullptr;
   const natsStatus status = natsConnection_GetLastError(connection, &words);
-  self.report(ConnectionChanged{
-      false, false, fmt::format("engine {}: connection lost: {}", self.url_, natsStatus_GetText(status))});
+  self.report(ConnectionChanged{false, false,
+                                fmt::format("engine {}: connection lost: {}", self.url_, natsStatus_GetText(status))});
 }
 
 void Link::on_reconnected(natsConnection* /*connection*/, void* closure) {

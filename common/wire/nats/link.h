@@ -24,8 +24,8 @@ struct MsgDeleter {
 using Message = std::unique_ptr<natsMsg, MsgDeleter>;
 [[nodiscard]] std::string_view data_of(const natsMsg* message);
 
-/// A connection to the engine, what both ports have in common: it comes back by itself, sends on a thread of its own and
-/// hands received messages over on one thread for each subscription.
+/// A connection to the engine, what both ports have in common: it comes back by itself, sends on a thread of its own
+/// and hands received messages over on one thread for each subscription.
 class Link {
  public:
   enum class IfDown {
@@ -41,7 +41,8 @@ class Link {
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
 
-  /// False while the engine is out of reach; never waits, unlike the client's own functions, which share a lock with writes.
+  /// False while the engine is out of reach; never waits, unlike the client's own functions, which share a lock with
+  /// writes.
   [[nodiscard]] bool up() const { return up_.load(); }
   [[nodiscard]] natsConnection* connection() const { return connection_; }
   [[nodiscard]] const EventSink& sink() const { return sink_; }
@@ -87,8 +88,8 @@ class Link {
   std::vector<std::thread> threads_;
   std::thread sender_;
   EventQueue<Outgoing> outgoing_;
-  // The client calls back for all connections of a process on one thread, which therefore must not wait for a sink: what it
-  // reports goes through a queue and thread of this connection's own.
+  // The client calls back for all connections of a process on one thread, which therefore must not wait for a sink:
+  // what it reports goes through a queue and thread of this connection's own.
   std::thread reporter_;
   EventQueue<EngineEvent> reports_;
   std::atomic<bool> up_{false};

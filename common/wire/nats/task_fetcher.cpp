@@ -59,8 +59,8 @@ void TaskFetcher::ask() {
   const auto left = std::max<std::chrono::nanoseconds>(slice, 1ms).count();
   request_ += 1;
   ask_again_ = now + slice + kGrace;
-  const std::string request = at_once_ ? std::string(R"({"batch":1,"no_wait":true})")
-                                                    : fmt::format(R"({{"batch":1,"expires":{}}})", left);
+  const std::string request =
+      at_once_ ? std::string(R"({"batch":1,"no_wait":true})") : fmt::format(R"({{"batch":1,"expires":{}}})", left);
   link_->post(kNextTask, request, Link::IfDown::kDrop, inbox_ + std::to_string(request_));
 }
 

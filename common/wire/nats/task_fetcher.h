@@ -10,9 +10,9 @@
 
 namespace pf::engine {
 
-/// Takes tasks from the work queue, one at a time, in JetStream's own protocol: the client's pull subscription needs the queue
-/// to exist when it binds and waits for its timeout when the server was restarted; here a request is put again. Answers
-/// come to `INBOX.task.NUMBER`, so that the word of an earlier request is not taken for this one's.
+/// Takes tasks from the work queue, one at a time, in JetStream's own protocol: the client's pull subscription needs
+/// the queue to exist when it binds and waits for its timeout when the server was restarted; here a request is put
+/// again. Answers come to `INBOX.task.NUMBER`, so that the word of an earlier request is not taken for this one's.
 class TaskFetcher {
  public:
   /// `inbox`: prefix that this process may subscribe below.

@@ -23,13 +23,14 @@ NatsWorkerPort::~NatsWorkerPort() = default;
 Result<std::unique_ptr<NatsWorkerPort>> NatsWorkerPort::connect(const EngineOptions& options, EventSink sink) {
   auto impl = std::make_unique<Impl>(options);
   Result<std::unique_ptr<Link>> link =
-      Link::open(options, sink, [fetcher = &impl->fetcher] { fetcher->on_reconnected(); });
+      Link::open(options, std::move(sink), [fetcher = &impl->fetcher] { fetcher->on_reconnected(); });
   if (!link) return tl::unexpected(link.error());
   impl->link = std::move(*link);
   Result<void> listening;
   for (const std::string& subject : {engine::to_worker(options.name), std::string(engine::kAllWorkers)}) {
-    listening = impl->link->listen(
-        subject, [sink](engine::Message message) { sink(MessageArrived{{}, std::string(engine::data_of(message.get()))}); });
+    listening = impl->link->listen(subject, [sink](engine::Message message) {
+      sink(MessageArrived{{}, std::string(engine::data_of(message.get()))});
+    });
     if (!listening) return tl::unexpected(listening.error());
   }
   listening = impl->fetcher.start(*impl->link);

@@ -56,17 +56,20 @@ export function useLiveLayers(job: Job | undefined, names: string[], maxWidth: n
     void (async () => {
       let have: Fetched[] = [];
       let last = -Infinity;
+      let least = kLeastPause;
       let endedBefore = false;
       while (!stop.signal.aborted) {
         await whenUp(stop.signal);
         const now = latest.current;
-        if (now !== undefined && document.visibilityState === "visible" && isDue(now, have, performance.now() - last, endedBefore)) {
+        if (now !== undefined && document.visibilityState === "visible" && isDue(now, have, performance.now() - last, least, endedBefore)) {
           endedBefore = hasEnded(now.state);
           last = performance.now();
           try {
             const next = await Promise.all(key.split("\n").map((name, i) => fetchPixels(id, name, maxWidth, stop.signal, have[i])));
             if (stop.signal.aborted) return;
             if (next.some((fetched, i) => fetched !== have[i])) setShown({ names: key.split("\n"), layers: next.map((f) => f.pixels), error: "" });
+            // The coordinator makes a new image only so often: asking for it again and again would cost it the more.
+            least = next.every((fetched, i) => fetched === have[i]) ? Math.min(2 * least, kLongestPause) : kLeastPause;
             have = next;
           } catch (error) {
             if (stop.signal.aborted) return;
@@ -81,11 +84,12 @@ export function useLiveLayers(job: Job | undefined, names: string[], maxWidth: n
   return shown;
 }
 
-function isDue(job: Job, have: Fetched[], sinceLast: number, endedBefore: boolean): boolean {
+function isDue(job: Job, have: Fetched[], sinceLast: number, least: number, endedBefore: boolean): boolean {
   if (sinceLast < kLeastPause) return false;
   const passes = have[0]?.pixels.passes;
   if (passes === undefined) return job.passes_done > 0 || sinceLast > 5000;
   if (hasEnded(job.state) !== endedBefore) return true;
+  if (sinceLast < least) return false;
   if (passes === job.passes_done) return false;
   return job.passes_done < passes || job.passes_done >= kGrowth * passes || sinceLast > kLongestPause || !isActive(job.state);
 }

@@ -29,12 +29,9 @@ std::string make_cornell_box() {
   const Material green = lambert("green", Vec3(0.14, 0.45, 0.091));
   GltfBuilder scene;
   scene.add("floor", quad(at(552.8, 0, 0), at(0, 0, 0), at(0, 0, 559.2), at(549.6, 0, 559.2)), white);
-  scene.add("ceiling", quad(at(556, 548.8, 0), at(556, 548.8, 559.2), at(0, 548.8, 559.2), at(0, 548.8, 0)),
-            white);
-  scene.add("back", quad(at(549.6, 0, 559.2), at(0, 0, 559.2), at(0, 548.8, 559.2), at(556, 548.8, 559.2)),
-            white);
-  scene.add("left", quad(at(552.8, 0, 0), at(549.6, 0, 559.2), at(556, 548.8, 559.2), at(556, 548.8, 0)),
-            red);
+  scene.add("ceiling", quad(at(556, 548.8, 0), at(556, 548.8, 559.2), at(0, 548.8, 559.2), at(0, 548.8, 0)), white);
+  scene.add("back", quad(at(549.6, 0, 559.2), at(0, 0, 559.2), at(0, 548.8, 559.2), at(556, 548.8, 559.2)), white);
+  scene.add("left", quad(at(552.8, 0, 0), at(549.6, 0, 559.2), at(556, 548.8, 559.2), at(556, 548.8, 0)), red);
   scene.add("right", quad(at(0, 0, 559.2), at(0, 0, 0), at(0, 548.8, 0), at(0, 548.8, 559.2)), green);
   scene.add("short block", block(165, {{130, 65}, {82, 225}, {240, 272}, {290, 114}}), white);
   scene.add("tall block", block(330, {{423, 247}, {265, 296}, {314, 456}, {472, 406}}), white);

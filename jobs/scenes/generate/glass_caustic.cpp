@@ -115,17 +115,14 @@ std::string make_glass_caustic() {
   scene.add("wine", moved(lathe(liquid_in(wine.inner_wall(), 0.1290, kOverlap, 0.001), kSegments), wine_at),
             dielectric("wine", 1.345, 0.05, Vec3(0.72, 0.06, 0.10), 0.03));
   scene.add("bottle", moved(lathe(flask.glass, kSegments), bottle_at), glass);
-  scene.add("liquor",
-            moved(lathe(liquid_in(flask.inner_wall(), 0.1300, kOverlap, 0.001), kSegments), bottle_at),
+  scene.add("liquor", moved(lathe(liquid_in(flask.inner_wall(), 0.1300, kOverlap, 0.001), kSegments), bottle_at),
             dielectric("liquor", 1.36, 0.06, Vec3(0.90, 0.42, 0.05), 0.03));
   scene.add("cork", moved(lathe(cork(), 48), bottle_at), lambert("cork", Vec3(0.45, 0.29, 0.16)));
   scene.add_sphere("blue marble", {-0.035, 0.014 + kLift, 0.060}, 0.014, 4,
                    dielectric("blue glass", 1.52, 0.028, Vec3(0.15, 0.45, 0.90), 0.02));
-  scene.add_sphere("clear marble", {-0.005, 0.010 + kLift, 0.088}, 0.010, 4,
-                   dielectric("clear glass", 1.52, 0.020));
+  scene.add_sphere("clear marble", {-0.005, 0.010 + kLift, 0.088}, 0.010, 4, dielectric("clear glass", 1.52, 0.020));
   const Vec3 lamp(0.15, 0.41, -0.38), aim(0.0, 0.08, 0.0);
-  scene.add("lamp", disc(lamp, (aim - lamp).normalized(), 0.006, 48),
-            emitter("lamp", Vec3(11000, 10000, 8300)));
+  scene.add("lamp", disc(lamp, (aim - lamp).normalized(), 0.006, 48), emitter("lamp", Vec3(11000, 10000, 8300)));
   scene.add("panel", panel({0.75, 0.60, 0.35}, {0, 0.1, 0}, 0.7, 0.6), emitter("panel", Vec3(1.7, 1.8, 2.0)));
   scene.set_camera({0.02, 0.375, 0.73}, {-0.004, 0.113, 0.0}, 0.50, 4.0 / 3.0);
   return scene.pack();

@@ -15,8 +15,7 @@ using Json = nlohmann::ordered_json;
 constexpr int kFloat = 5126, kUnsignedShort = 5123, kUnsignedInt = 5125;  // glTF 2.0, 5.1.3
 constexpr int kArrayBuffer = 34962, kElementArrayBuffer = 34963;          // glTF 2.0, 5.11.5
 
-static_assert(std::endian::native == std::endian::little,
-              "glTF is little-endian and numbers are copied as they are");
+static_assert(std::endian::native == std::endian::little, "glTF is little-endian and numbers are copied as they are");
 
 template <typename T>
 void append(std::string& bytes, T value) {
@@ -78,8 +77,7 @@ Material dielectric(const std::string& name, double ior, double thickness) {
   return m;
 }
 
-Material dielectric(const std::string& name, double ior, double thickness, const Vec3& color,
-                    double distance) {
+Material dielectric(const std::string& name, double ior, double thickness, const Vec3& color, double distance) {
   Material m = dielectric(name, ior, thickness);
   m["extensions"]["KHR_materials_volume"]["attenuationDistance"] = distance;
   m["extensions"]["KHR_materials_volume"]["attenuationColor"] = array(color);
@@ -117,8 +115,7 @@ int GltfBuilder::add_floats(const std::vector<Vec3>& values, bool with_bounds) {
     }
   }
   const int view = add_view(offset, kArrayBuffer);
-  Json accessor = {
-      {"bufferView", view}, {"componentType", kFloat}, {"count", values.size()}, {"type", "VEC3"}};
+  Json accessor = {{"bufferView", view}, {"componentType", kFloat}, {"count", values.size()}, {"type", "VEC3"}};
   if (with_bounds) {
     accessor["min"] = low;
     accessor["max"] = high;
@@ -178,10 +175,8 @@ void GltfBuilder::add_sphere(const std::string& name, const Vec3& centre, double
   Json primitive = shared->second;
   primitive["material"] = add_material(material);
   meshes_.push_back({{"name", name}, {"primitives", Json::array({primitive})}});
-  add_node({{"name", name},
-            {"mesh", meshes_.size() - 1},
-            {"translation", array(centre)},
-            {"scale", array(Vec3(radius))}});
+  add_node(
+      {{"name", name}, {"mesh", meshes_.size() - 1}, {"translation", array(centre)}, {"scale", array(Vec3(radius))}});
 }
 
 void GltfBuilder::set_camera(const Vec3& eye, const Vec3& target, double yfov, double aspect_ratio) {
@@ -192,14 +187,11 @@ void GltfBuilder::set_camera(const Vec3& eye, const Vec3& target, double yfov, d
   add_node({{"name", "camera"}, {"camera", 0}, {"matrix", placement(eye, target - eye)}});
 }
 
-void GltfBuilder::add_directional_light(const std::string& name, const Vec3& direction,
-                                        const Vec3& irradiance) {
+void GltfBuilder::add_directional_light(const std::string& name, const Vec3& direction, const Vec3& irradiance) {
   const double strength = std::max({irradiance.x, irradiance.y, irradiance.z});
   extensions_.insert("KHR_lights_punctual");
-  lights_.push_back({{"name", name},
-                     {"type", "directional"},
-                     {"color", array(irradiance / strength)},
-                     {"intensity", strength}});
+  lights_.push_back(
+      {{"name", name}, {"type", "directional"}, {"color", array(irradiance / strength)}, {"intensity", strength}});
   Json node = {{"name", name}, {"matrix", placement(Vec3(0.0), direction)}};
   node["extensions"]["KHR_lights_punctual"]["light"] = lights_.size() - 1;
   add_node(std::move(node));

@@ -54,8 +54,7 @@ class GltfBuilder {
   int add_view(std::size_t offset, int target);
 
   std::string binary_;
-  Json views_ = Json::array(), accessors_ = Json::array(), materials_ = Json::array(),
-       meshes_ = Json::array();
+  Json views_ = Json::array(), accessors_ = Json::array(), materials_ = Json::array(), meshes_ = Json::array();
   Json nodes_ = Json::array(), cameras_ = Json::array(), lights_ = Json::array();
   std::set<std::string> extensions_;
   std::map<int, Json> spheres_;  // by subdivisions: a primitive without its material

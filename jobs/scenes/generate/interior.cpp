@@ -48,8 +48,7 @@ Mesh table() {
 Mesh shelf() {
   Mesh mesh;
   for (const double x : {-1.70, -0.62}) append_box(mesh, {x, -0.01, -2.51}, {x + 0.03, 1.75, -2.15});
-  for (const double y : {0.05, 0.60, 1.15, 1.72})
-    append_box(mesh, {-1.68, y, -2.51}, {-0.60, y + 0.03, -2.151});
+  for (const double y : {0.05, 0.60, 1.15, 1.72}) append_box(mesh, {-1.68, y, -2.51}, {-0.60, y + 0.03, -2.151});
   return mesh;
 }
 
@@ -79,16 +78,11 @@ Mesh shaft() {
   const double near = -kX - kWall, far = -4.3, y0 = 0.2, y1 = 4.2, z0 = -2.4, z1 = 0.4, o = kOver;
   const double l = kWindowLow, h = kWindowHigh, b = kWindowBack, f = kWindowFront;
   Mesh mesh;
-  append_quad(mesh, {far, y0 - o, z1 + o}, {far, y0 - o, z0 - o}, {far, y1 + o, z0 - o},
-              {far, y1 + o, z1 + o});
-  append_quad(mesh, {far - o, y0, z1 + o}, {near + o, y0, z1 + o}, {near + o, y0, z0 - o},
-              {far - o, y0, z0 - o});
-  append_quad(mesh, {far - o, y1, z0 - o}, {near + o, y1, z0 - o}, {near + o, y1, z1 + o},
-              {far - o, y1, z1 + o});
-  append_quad(mesh, {far - o, y0 - o, z0}, {near + o, y0 - o, z0}, {near + o, y1 + o, z0},
-              {far - o, y1 + o, z0});
-  append_quad(mesh, {near + o, y0 - o, z1}, {far - o, y0 - o, z1}, {far - o, y1 + o, z1},
-              {near + o, y1 + o, z1});
+  append_quad(mesh, {far, y0 - o, z1 + o}, {far, y0 - o, z0 - o}, {far, y1 + o, z0 - o}, {far, y1 + o, z1 + o});
+  append_quad(mesh, {far - o, y0, z1 + o}, {near + o, y0, z1 + o}, {near + o, y0, z0 - o}, {far - o, y0, z0 - o});
+  append_quad(mesh, {far - o, y1, z0 - o}, {near + o, y1, z0 - o}, {near + o, y1, z1 + o}, {far - o, y1, z1 + o});
+  append_quad(mesh, {far - o, y0 - o, z0}, {near + o, y0 - o, z0}, {near + o, y1 + o, z0}, {far - o, y1 + o, z0});
+  append_quad(mesh, {near + o, y0 - o, z1}, {far - o, y0 - o, z1}, {far - o, y1 + o, z1}, {near + o, y1 + o, z1});
   append_quad(mesh, {near, y0 - o, z0 - o}, {near, y0 - o, z1 + o}, {near, l, z1 + o}, {near, l, z0 - o});
   append_quad(mesh, {near, h, z0 - o}, {near, h, z1 + o}, {near, y1 + o, z1 + o}, {near, y1 + o, z0 - o});
   append_quad(mesh, {near, l, z0 - o}, {near, l, b}, {near, h, b}, {near, h, z0 - o});
@@ -106,14 +100,12 @@ std::string make_interior() {
   scene.add("window wall", window_wall(), white);
   scene.add("right wall", quad({kX, -kOver, -z}, {kX, -kOver, z}, {kX, y1, z}, {kX, y1, -z}),
             lambert("ochre", Vec3(0.68, 0.44, 0.20)));
-  scene.add("floor", quad({-x, 0, z}, {x, 0, z}, {x, 0, -z}, {-x, 0, -z}),
-            lambert("boards", Vec3(0.52, 0.36, 0.23)));
+  scene.add("floor", quad({-x, 0, z}, {x, 0, z}, {x, 0, -z}, {-x, 0, -z}), lambert("boards", Vec3(0.52, 0.36, 0.23)));
   scene.add("table", table(), lambert("oak", Vec3(0.50, 0.33, 0.18)));
   scene.add("shelf", shelf(), lambert("painted wood", Vec3(0.70, 0.70, 0.68)));
   scene.add("books", books(), lambert("linen", Vec3(0.30, 0.12, 0.10)));
   scene.add("sofa", sofa(), lambert("cloth", Vec3(0.16, 0.28, 0.42)));
-  scene.add("box", box({-0.45, -0.01, 0.10}, {0.05, 0.38, 0.60}, 25),
-            lambert("green", Vec3(0.22, 0.45, 0.20)));
+  scene.add("box", box({-0.45, -0.01, 0.10}, {0.05, 0.38, 0.60}, 25), lambert("green", Vec3(0.22, 0.45, 0.20)));
   scene.add_sphere("globe", {0.62, 0.739 + 0.17, -1.15}, 0.17, 4, lambert("globe", Vec3(0.75, 0.70, 0.60)));
   scene.add("shaft", shaft(), lambert("black", Vec3(0.0)));
   scene.add("sky panel", panel({-3.5, 3.3, -1.0}, {-1.9, 1.4, -1.0}, 1.1, 1.1),

@@ -17,8 +17,7 @@ int main(int argc, char** argv) {
   CLI::App app("Writes photonfarm's example scenes as .glb files; the same bytes on every run.",
                "photonfarm-make-scenes");
   app.add_option("OUT_DIR", folder, "folder to write to; made if absent")->required();
-  app.add_option("--only", only, "name of a scene to write; may be repeated; default: all")
-      ->allow_extra_args(false);
+  app.add_option("--only", only, "name of a scene to write; may be repeated; default: all")->allow_extra_args(false);
   try {
     app.parse(argc, argv);
     if (const auto done = pf::scenes::write_scenes(folder, only); !done) {

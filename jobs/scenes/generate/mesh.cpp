@@ -78,8 +78,7 @@ Mesh icosphere(int subdivisions) {
   for (int level = 0; level < subdivisions; ++level) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> halves;
     const auto middle = [&](std::uint32_t a, std::uint32_t b) {
-      const auto [it, fresh] =
-          halves.try_emplace(std::minmax(a, b), static_cast<std::uint32_t>(mesh.positions.size()));
+      const auto [it, fresh] = halves.try_emplace(std::minmax(a, b), static_cast<std::uint32_t>(mesh.positions.size()));
       if (fresh) mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]).normalized());
       return it->second;
     };

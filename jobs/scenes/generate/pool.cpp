@@ -88,10 +88,13 @@ Mesh water() {
 
 /// Square tiles and the joints between them on the rectangle corner + s u + t v, with s in [0, nu], t in [0,
 /// nv] tiles; u x v is the front. `trim` tile rows before the end of v are dark.
-void append_tiles(Mesh& mesh, std::minstd_rand& random, const Vec3& corner, const Vec3& u, int nu,
-                  const Vec3& v, int nv, int trim) {
+void append_tiles(Mesh& mesh, std::minstd_rand& random, const Vec3& corner, const Vec3& u, int nu, const Vec3& v,
+                  int nv, int trim) {
   constexpr double kJoint = 0.03;  // half of a joint, in tiles
-  const auto cut = [](int i) { return i / 2 + ((i & 1) ? kJoint : (i == 0 ? 0.0 : -kJoint)); };
+  const auto cut = [](int i) {
+    const int tile = i / 2;
+    return tile + ((i & 1) ? kJoint : (i == 0 ? 0.0 : -kJoint));
+  };
   const auto at = [&](int i, int n) { return i == 2 * n + 1 ? n : cut(i); };
   for (int j = 0; j <= 2 * nv; ++j) {
     for (int i = 0; i <= 2 * nu; ++i) {

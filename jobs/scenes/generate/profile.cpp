@@ -33,8 +33,7 @@ Profile& Profile::arc(const Vec2& centre, double degrees, int segments) {
   const double sign = degrees < 0 ? -1.0 : 1.0;
   for (int i = 0; i <= segments; ++i) {
     const double phi = radians(degrees) * i / segments;
-    const Vec2 d(arm.x * std::cos(phi) - arm.y * std::sin(phi),
-                 arm.x * std::sin(phi) + arm.y * std::cos(phi));
+    const Vec2 d(arm.x * std::cos(phi) - arm.y * std::sin(phi), arm.x * std::sin(phi) + arm.y * std::cos(phi));
     add(centre + d, Vec2(-d.y, d.x) * sign);
   }
   return *this;
@@ -88,8 +87,7 @@ Mesh lathe(const Profile& profile, int segments) {
     if ((samples[i].point - samples[k].point).length() < 1e-9) continue;  // a sharp edge has no width
     for (std::uint32_t j = 0; j < around; ++j) {
       const std::uint32_t next = (j + 1) % around;
-      if (!on_axis(i))
-        mesh.triangles.push_back({first[i] + j, first[k] + (on_axis(k) ? 0 : j), first[i] + next});
+      if (!on_axis(i)) mesh.triangles.push_back({first[i] + j, first[k] + (on_axis(k) ? 0 : j), first[i] + next});
       if (!on_axis(k)) {
         mesh.triangles.push_back({first[i] + (on_axis(i) ? 0 : next), first[k] + j, first[k] + next});
       }

@@ -39,8 +39,7 @@ Result<void> write_scenes(const std::filesystem::path& folder, const std::vector
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error)
-    return fail(ErrorKind::kInternal,
-                fmt::format("{}: cannot make the folder: {}", folder.string(), error.message()));
+    return fail(ErrorKind::kInternal, fmt::format("{}: cannot make the folder: {}", folder.string(), error.message()));
   for (const Recipe& recipe : kRecipes) {
     if (!only.empty() && std::ranges::find(only, recipe.name) == only.end()) continue;
     const std::filesystem::path file = folder / fmt::format("{}.glb", recipe.name);
@@ -49,8 +48,7 @@ Result<void> write_scenes(const std::filesystem::path& folder, const std::vector
     out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     out.close();
     if (!out)
-      return fail(ErrorKind::kInternal,
-                  fmt::format("{}: cannot write the scene; is the disk full?", file.string()));
+      return fail(ErrorKind::kInternal, fmt::format("{}: cannot write the scene; is the disk full?", file.string()));
   }
   return {};
 }

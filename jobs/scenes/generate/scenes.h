@@ -31,7 +31,6 @@ struct Recipe {
 
 /// Writes the scenes named in `only` (all when empty) to `folder`, which is made if absent. Same bytes every
 /// time. Errors: kUsage for an unknown name, kInternal when a file cannot be written.
-[[nodiscard]] Result<void> write_scenes(const std::filesystem::path& folder,
-                                        const std::vector<std::string>& only = {});
+[[nodiscard]] Result<void> write_scenes(const std::filesystem::path& folder, const std::vector<std::string>& only = {});
 
 }  // namespace pf::scenes

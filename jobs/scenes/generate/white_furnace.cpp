@@ -10,8 +10,7 @@ namespace pf::scenes {
 std::string make_white_furnace() {
   const Material wall = emitter("wall", Vec3(0.25), Vec3(0.5));  // 0.25 / (1 - 0.5) = 0.5
   Mesh room = box({-1, -1, -1}, {1, 1, 1});
-  for (auto& triangle : room.triangles)
-    std::swap(triangle[1], triangle[2]);  // seen, and shining, from inside
+  for (auto& triangle : room.triangles) std::swap(triangle[1], triangle[2]);  // seen, and shining, from inside
   GltfBuilder scene;
   scene.add("room", room, wall);
   scene.add("block", box({-0.75, -0.7, -0.6}, {-0.25, -0.2, -0.1}, 30), wall);

@@ -26,9 +26,7 @@ class AtomicFile : public testing::Test {
   [[nodiscard]] std::ptrdiff_t files_in_folder() const {
     return std::distance(fs::directory_iterator(folder_), fs::directory_iterator());
   }
-  [[nodiscard]] std::string content(const fs::path& file) const {
-    return read_file(file, 1 << 20).value_or("?");
-  }
+  [[nodiscard]] std::string content(const fs::path& file) const { return read_file(file, 1 << 20).value_or("?"); }
 
   TempFolder temp_;
   const fs::path& folder_ = temp_.path();
@@ -112,8 +110,7 @@ TEST_F(AtomicFile, KeepsTheOldFileWhenTheDiskIsFull) {
   }
   ASSERT_FALSE(written);
   EXPECT_EQ(written.error().kind, ErrorKind::kInternal);
-  EXPECT_TRUE(written.error().message.starts_with(file.string() + ": cannot write: "))
-      << written.error().message;
+  EXPECT_TRUE(written.error().message.starts_with(file.string() + ": cannot write: ")) << written.error().message;
   EXPECT_EQ(content(file), "old");
   EXPECT_EQ(files_in_folder(), 1);
 }

@@ -16,8 +16,8 @@
 namespace pf {
 namespace {
 
-constexpr std::array<std::string_view, 8> kNames = {
-    "auto", "path", "photon_map", "final_gather", "photon_splat", "round_growth", "ppm", "sppm"};
+constexpr std::array<std::string_view, 8> kNames = {"auto",         "path",         "photon_map", "final_gather",
+                                                    "photon_splat", "round_growth", "ppm",        "sppm"};
 
 TEST(NearestName, FindsWhatWasMeant) {
   EXPECT_EQ(nearest_name("photonmap", kNames), "photon_map");

@@ -44,8 +44,7 @@ TEST(Sha256, HashesAFileAndNamesTheOneThatItCannotRead) {
   std::filesystem::remove(file);
   const auto absent = sha256_hex_of_file(file);
   ASSERT_FALSE(absent);
-  EXPECT_TRUE(absent.error().message.starts_with(file.string() + ": cannot read: "))
-      << absent.error().message;
+  EXPECT_TRUE(absent.error().message.starts_with(file.string() + ": cannot read: ")) << absent.error().message;
   EXPECT_FALSE(sha256_hex_of_file(folder.path()));
 }
 

@@ -37,8 +37,7 @@ TEST(BsdfReciprocity, HoldsForTiltedNormalsThatNeedNoTurning) {
     for (int i = 0; i < 4000; ++i) {
       const Vec3f a = random.sphere(), b = random.sphere();
       if (std::abs(a.z) < 0.35f || std::abs(b.z) < 0.35f) continue;
-      expect_close(Bsdf(p, a).eval(a, b, Transport::kRadiance), Bsdf(p, b).eval(b, a, Transport::kFlux),
-                   2e-3f, m.name);
+      expect_close(Bsdf(p, a).eval(a, b, Transport::kRadiance), Bsdf(p, b).eval(b, a, Transport::kFlux), 2e-3f, m.name);
     }
   }
 }
@@ -55,8 +54,7 @@ TEST(BsdfReciprocity, RefractionIsSymmetricAfterDivisionBySquaredIndex) {
       const Rgb down = Bsdf(p, a).eval(a, b, Transport::kFlux) * (1.0f / (1.5f * 1.5f));
       const Rgb up = Bsdf(p, b).eval(b, a, Transport::kFlux);
       expect_close(down, up, 2e-3f, "glass");
-      expect_close(Bsdf(p, a).eval(a, b, Transport::kRadiance), down, 2e-3f,
-                   "radiance shrinks by (eta_i/eta_t)^2");
+      expect_close(Bsdf(p, a).eval(a, b, Transport::kRadiance), down, 2e-3f, "radiance shrinks by (eta_i/eta_t)^2");
       lit += down.x > 0.0f;
     }
     EXPECT_GT(lit, 500);
@@ -134,8 +132,8 @@ TEST(BsdfEnergy, DielectricOverWhiteLambertKeepsAllEnergy) {
 TEST(BsdfEnergy, SheenOverWhiteLambertStaysBelowOneButClose) {
   for (const float roughness : {0.0f, 0.2f, 0.5f, 1.0f}) {
     for (const float degrees : {2.0f, 45.0f, 70.0f, 85.0f}) {
-      const Rgb e = furnace(with_sheen(lambert(Rgb(1.0f)), roughness), at_angle(degrees),
-                            Transport::kRadiance, 200000, 6);
+      const Rgb e =
+          furnace(with_sheen(lambert(Rgb(1.0f)), roughness), at_angle(degrees), Transport::kRadiance, 200000, 6);
       EXPECT_LE(e.x, 1.004f) << roughness << ' ' << degrees;
       EXPECT_GE(e.x, 0.7f) << roughness << ' ' << degrees;
     }
@@ -189,8 +187,7 @@ TEST(BsdfTransport, FurnaceOfTiltedNormalsKeepsItsEnergy) {
       const double mean = sum / kDirections;
       // Lost: (1 - cos 10 deg) / 2 of Lambert, and of mirrors what would go below the surface. Radiance that
       // enters glass is divided by eta^2.
-      const double whole =
-          m.name == "glass" && mode == Transport::kRadiance ? 0.0918 + (1.0 - 0.0918) / 2.25 : 1.0;
+      const double whole = m.name == "glass" && mode == Transport::kRadiance ? 0.0918 + (1.0 - 0.0918) / 2.25 : 1.0;
       EXPECT_NEAR(mean, whole, 0.04) << m.name << " mode " << static_cast<int>(mode);
     }
   }
@@ -271,8 +268,7 @@ TEST(Fresnel, ThinSheetTransmitsLikeASlabWithAllInternalReflections) {
     double sum = 0.0;
     constexpr int kSteps = 200000;
     for (int i = 0; i < kSteps; ++i) {
-      const auto s =
-          bsdf.sample(wo, (static_cast<float>(i) + 0.5f) / kSteps, {0.5f, 0.5f}, Transport::kRadiance);
+      const auto s = bsdf.sample(wo, (static_cast<float>(i) + 0.5f) / kSteps, {0.5f, 0.5f}, Transport::kRadiance);
       ASSERT_TRUE(s);
       if (!s->transmitted) continue;
       ASSERT_EQ(s->wi, -wo);
@@ -285,8 +281,7 @@ TEST(Fresnel, ThinSheetTransmitsLikeASlabWithAllInternalReflections) {
 
 TEST(Fresnel, ConductorReflectsItsBaseColourHeadOnAndWhiteAtTheHorizon) {
   const Rgb gold(1.0f, 0.7f, 0.3f);
-  const auto head_on =
-      Bsdf(metal(0.0f, gold), {0, 0, 1}).sample({0, 0, 1}, 0.5f, {0.5f, 0.5f}, Transport::kFlux);
+  const auto head_on = Bsdf(metal(0.0f, gold), {0, 0, 1}).sample({0, 0, 1}, 0.5f, {0.5f, 0.5f}, Transport::kFlux);
   EXPECT_NEAR(head_on->weight.z, 0.3f, 1e-6f);
   const Vec3f low = at_angle(89.9f);
   EXPECT_GT(Bsdf(metal(0.0f, gold), low).sample(low, 0.5f, {0.5f, 0.5f}, Transport::kFlux)->weight.z, 0.99f);
@@ -332,8 +327,7 @@ TEST(BsdfModel, BaseColourTintsTransmissionOncePerCrossing) {
   double sum[3] = {0, 0, 0};
   constexpr int kSteps = 20000;
   for (int i = 0; i < kSteps; ++i) {
-    const auto s =
-        Bsdf(p, wo).sample(wo, (static_cast<float>(i) + 0.5f) / kSteps, {0.5f, 0.5f}, Transport::kFlux);
+    const auto s = Bsdf(p, wo).sample(wo, (static_cast<float>(i) + 0.5f) / kSteps, {0.5f, 0.5f}, Transport::kFlux);
     ASSERT_TRUE(s);
     for (int k = 0; k < 3; ++k) sum[k] += s->transmitted ? s->weight[k] / kSteps : 0.0;
   }

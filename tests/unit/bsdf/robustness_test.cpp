@@ -87,8 +87,7 @@ void draw_everything(bool absurd, int draws, std::uint32_t seed) {
     ASSERT_NEAR(length(bsdf.ng()), 1.0f, 1e-2f) << i;
     if (const auto s = bsdf.sample(wo, u, v, mode, portion)) {
       ASSERT_TRUE(sound(s->weight)) << i << ' ' << s->weight;
-      ASSERT_TRUE(std::isfinite(s->pdf_w) && (s->delta ? s->pdf_w == 0.0f : s->pdf_w > 0.0f))
-          << i << ' ' << s->pdf_w;
+      ASSERT_TRUE(std::isfinite(s->pdf_w) && (s->delta ? s->pdf_w == 0.0f : s->pdf_w > 0.0f)) << i << ' ' << s->pdf_w;
       ASSERT_NEAR(length(s->wi), 1.0f, 1e-3f) << i;
       ASSERT_EQ(s->transmitted, dot(s->wi, bsdf.ng()) < 0.0f) << i;
       ASSERT_TRUE(s->specularity >= 0.0f && s->specularity <= 1.0f) << i;

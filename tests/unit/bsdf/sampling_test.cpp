@@ -49,16 +49,15 @@ struct Grid {
     const Vec3f v = frame.to_local(world);
     // The angle by both its sine and cosine: narrow rings around the pole need the former.
     const double theta = std::atan2(std::hypot(v.x, v.y), v.z);
-    const double t =
-        warp == 0.0 ? 0.5 * (1.0 - std::cos(theta)) : std::pow(theta / std::numbers::pi, 1.0 / warp);
+    const double t = warp == 0.0 ? 0.5 * (1.0 - std::cos(theta)) : std::pow(theta / std::numbers::pi, 1.0 / warp);
     const double phi = std::atan2(v.y, v.x) / (2.0 * std::numbers::pi);
     const int ring = std::clamp(static_cast<int>(t * kRings), 0, kRings - 1);
     const int sector = std::clamp(static_cast<int>((phi < 0 ? phi + 1.0 : phi) * kSectors), 0, kSectors - 1);
     return static_cast<std::size_t>(ring * kSectors + sector);
   }
   /// Midpoint rule with n x n points in one cell.
-  [[nodiscard]] double integrate_cell(const Bsdf& bsdf, const Vec3f& wo, Portion portion, int ring,
-                                      int sector, int n) const {
+  [[nodiscard]] double integrate_cell(const Bsdf& bsdf, const Vec3f& wo, Portion portion, int ring, int sector,
+                                      int n) const {
     double sum = 0.0;
     for (int i = 0; i < n; ++i) {
       const double low = ring + static_cast<double>(i) / n, high = low + 1.0 / n;
@@ -151,9 +150,8 @@ std::vector<Configuration> configurations() {
   std::vector<Configuration> all;
   const auto add = [&all](const std::string& name, const SurfaceParams& p, float degrees, const Grid& grid) {
     for (const Portion portion : kPortions) {
-      all.push_back(
-          {name + " at " + std::to_string(degrees) + " portion " + std::to_string(static_cast<int>(portion)),
-           p, at_angle(degrees), portion, grid});
+      all.push_back({name + " at " + std::to_string(degrees) + " portion " + std::to_string(static_cast<int>(portion)),
+                     p, at_angle(degrees), portion, grid});
     }
   };
   for (const NamedMaterial& m : all_materials()) {
@@ -219,8 +217,7 @@ TEST(BsdfSampling, WeightIsValueTimesCosineOverPdf) {
               const Rgb expected = bsdf.eval(wo, s->wi, mode, portion) * (cosine / pdf);
               ASSERT_NEAR(s->pdf_w, pdf, 2e-4f * pdf) << m.name;
               for (int k = 0; k < 3; ++k) {
-                ASSERT_NEAR(s->weight[k], expected[k], 5e-4f * (expected[k] + 1e-3f))
-                    << m.name << ' ' << degrees;
+                ASSERT_NEAR(s->weight[k], expected[k], 5e-4f * (expected[k] + 1e-3f)) << m.name << ' ' << degrees;
               }
               ASSERT_EQ(s->transmitted, dot(s->wi, bsdf.ng()) < 0.0f) << m.name;
             }

@@ -47,12 +47,11 @@ TEST_F(CoordinatorConfiguration, EveryKeyIsTaken) {
 }
 
 TEST_F(CoordinatorConfiguration, EveryErrorNamesItsPlace) {
-  EXPECT_NE(error("[http]\nhosts = \"a\"\n")
-                .find("config.toml:2:1: unknown key 'http.hosts'; did you mean 'http.host'?"),
-            std::string::npos)
+  EXPECT_NE(
+      error("[http]\nhosts = \"a\"\n").find("config.toml:2:1: unknown key 'http.hosts'; did you mean 'http.host'?"),
+      std::string::npos)
       << error("[http]\nhosts = \"a\"\n");
-  EXPECT_NE(error("[limits]\npixels = \"many\"\n")
-                .find("limits.pixels is the string \"many\"; expected an integer"),
+  EXPECT_NE(error("[limits]\npixels = \"many\"\n").find("limits.pixels is the string \"many\"; expected an integer"),
             std::string::npos);
   EXPECT_NE(error("[limits]\npixels = 1.5\n").find("an integer"), std::string::npos);
   EXPECT_NE(error("[limits]\nrequests_per_second = 0\n").find("a number from"), std::string::npos);

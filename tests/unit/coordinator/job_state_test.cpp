@@ -9,8 +9,8 @@
 namespace pf {
 namespace {
 
-/// What every event does in every state, as README.md and the issue have it: - refused, = stays, x gone, else the new state. In the
-/// order queued preparing running waiting finishing paused done failed cancelled.
+/// What every event does in every state, as README.md and the issue have it: - refused, = stays, x gone, else the new
+/// state. In the order queued preparing running waiting finishing paused done failed cancelled.
 const std::map<std::string, std::string> kExpected = {
     {"prepare", "preparing - - - - - - - -"},
     {"take up", "running - - - - - - - -"},

@@ -46,16 +46,18 @@ void expect_equal(const JobRecord& a, const JobRecord& b) {
   EXPECT_EQ(a.number, b.number);
   EXPECT_EQ(canonical_json(a.spec), canonical_json(b.spec));
   EXPECT_EQ(a.bundle, b.bundle);
-  EXPECT_EQ(std::tie(a.id, a.idempotency_key, a.submitted_by, a.paused_by, a.max_workers, a.run, a.extended, a.expired, a.state, a.message,
-                     a.end_state, a.submitted_unix_ms, a.started_unix_ms, a.ended_unix_ms, a.scene_hash, a.plan, a.image_hash, a.warnings,
-                     a.estimated_error),
-            std::tie(b.id, b.idempotency_key, b.submitted_by, b.paused_by, b.max_workers, b.run, b.extended, b.expired, b.state, b.message,
-                     b.end_state, b.submitted_unix_ms, b.started_unix_ms, b.ended_unix_ms, b.scene_hash, b.plan, b.image_hash, b.warnings,
-                     b.estimated_error));
+  EXPECT_EQ(std::tie(a.id, a.idempotency_key, a.submitted_by, a.paused_by, a.max_workers, a.run, a.extended, a.expired,
+                     a.state, a.message, a.end_state, a.submitted_unix_ms, a.started_unix_ms, a.ended_unix_ms,
+                     a.scene_hash, a.plan, a.image_hash, a.warnings, a.estimated_error),
+            std::tie(b.id, b.idempotency_key, b.submitted_by, b.paused_by, b.max_workers, b.run, b.extended, b.expired,
+                     b.state, b.message, b.end_state, b.submitted_unix_ms, b.started_unix_ms, b.ended_unix_ms,
+                     b.scene_hash, b.plan, b.image_hash, b.warnings, b.estimated_error));
   const auto& f = a.figures;
   const auto& g = b.figures;
-  EXPECT_EQ(std::tie(f.passes, f.rounds, f.rays, f.photon_paths, f.seconds, f.units_done, f.units_repeated, f.bytes_received, f.merge_seconds),
-            std::tie(g.passes, g.rounds, g.rays, g.photon_paths, g.seconds, g.units_done, g.units_repeated, g.bytes_received, g.merge_seconds));
+  EXPECT_EQ(std::tie(f.passes, f.rounds, f.rays, f.photon_paths, f.seconds, f.units_done, f.units_repeated,
+                     f.bytes_received, f.merge_seconds),
+            std::tie(g.passes, g.rounds, g.rays, g.photon_paths, g.seconds, g.units_done, g.units_repeated,
+                     g.bytes_received, g.merge_seconds));
 }
 
 class JobStoreTest : public testing::Test {
@@ -78,8 +80,9 @@ TEST_F(JobStoreTest, RecordsComeBackAsTheyWereSaved) {
     record = add(store, "glass-1");
     record.state = JobState::kDone;
     record.figures.passes = 64;
-    ASSERT_TRUE(store.save(record, std::vector<Transition>{{5, JobEvent::kPause, JobState::kRunning, JobState::kPaused, "ada"},
-                                                            {6, JobEvent::kCancel, JobState::kPaused, JobState::kFinishing, ""}}));
+    ASSERT_TRUE(store.save(
+        record, std::vector<Transition>{{5, JobEvent::kPause, JobState::kRunning, JobState::kPaused, "ada"},
+                                        {6, JobEvent::kCancel, JobState::kPaused, JobState::kFinishing, ""}}));
   }
   JobStore store = open();
   const auto loaded = store.load();
@@ -125,7 +128,8 @@ TEST_F(JobStoreTest, AKeyOrAnIdIsOneJobs) {
 TEST_F(JobStoreTest, CountedUnitsAreAscendingAndThoseThatTheFilmDoesNotHoldAreForgotten) {
   JobStore store = open();
   const JobRecord record = add(store, "glass-1");
-  const std::vector<CountedResult> results{{1, "worker-1", 2.0, "hash-1", {{{0, 4}, 1}, {{8, 12}, 2}}}, {2, "worker-2", 1.0, "hash-2", {{{4, 4}, 1}}}};
+  const std::vector<CountedResult> results{{1, "worker-1", 2.0, "hash-1", {{{0, 4}, 1}, {{8, 12}, 2}}},
+                                           {2, "worker-2", 1.0, "hash-2", {{{4, 4}, 1}}}};
   const std::vector<ConvergencePoint> points{{0.5, 4, 1, 100, std::nullopt}, {1.0, 20, 2, 500, 0.125}};
   ASSERT_TRUE(store.checkpoint(record, results, points));
   EXPECT_EQ(store.convergence(record.number).value(), points);
@@ -160,7 +164,8 @@ TEST_F(JobStoreTest, RemovingAJobLeavesNothingOfItInAnyTable) {
   JobStore store = open();
   const JobRecord record = add(store, "glass-1", {{std::string(64, '1'), 1}});
   ASSERT_TRUE(store.save(record, std::vector<Transition>{{}}));
-  ASSERT_TRUE(store.checkpoint(record, std::vector<CountedResult>{{1, "w", 1.0, "h", {{{0, 1}, 1}}}}, {{0.5, 4, 1, 100, 0.5}}));
+  ASSERT_TRUE(
+      store.checkpoint(record, std::vector<CountedResult>{{1, "w", 1.0, "h", {{{0, 1}, 1}}}}, {{0.5, 4, 1, 100, 0.5}}));
   ASSERT_TRUE(store.remove(record.number));
   for (const char* table : {"jobs", "transitions", "blobs", "results", "units", "convergence"}) {
     EXPECT_EQ(store.database().number(std::string("SELECT count(*) FROM ") + table).value(), 0) << table;
@@ -250,8 +255,9 @@ TEST_F(JobStoreTest, ATransactionThatIsNotCommittedLeavesNothing) {
 
 TEST(JobImport, ReadsTheRecordsOfBeforeTheDatabaseAndNamesBrokenOnes) {
   const TempFolder folder;
-  std::ofstream(folder / "job.json") << R"({"bundle": {"bytes": 123, "sha256": ")" << std::string(64, 'a')
-                                     << R"("}, "end_state": "done", "ended_unix_ms": 3, "estimated_error": 0.5, "figures": {"passes": 12,
+  std::ofstream(folder / "job.json")
+      << R"({"bundle": {"bytes": 123, "sha256": ")" << std::string(64, 'a')
+      << R"("}, "end_state": "done", "ended_unix_ms": 3, "estimated_error": 0.5, "figures": {"passes": 12,
     "photon_paths": 500, "rays": 4000, "rounds": 3, "seconds": 6.5}, "id": "glass-1", "idempotency_key": "k", "image_hash": "i",
     "message": "", "plan": "sppm", "scene_hash": "s", "spec": "{\"job\": {\"name\": \"glass\"}, \"scene\": {\"file\": \"glass.glb\"}}",
     "started_unix_ms": 2, "state": "running", "submitted_unix_ms": 1, "warnings": ["w"]})";

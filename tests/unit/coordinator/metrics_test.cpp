@@ -17,8 +17,7 @@ namespace {
 std::set<std::string> names_in(const std::string& text) {
   static const std::regex kName("photonfarm_[a-z_]+");
   std::set<std::string> names;
-  for (std::sregex_iterator it(text.begin(), text.end(), kName), end; it != end; ++it)
-    names.insert(it->str());
+  for (std::sregex_iterator it(text.begin(), text.end(), kName), end; it != end; ++it) names.insert(it->str());
   return names;
 }
 
@@ -41,12 +40,12 @@ std::string some_text() {
 TEST(Metrics, SayWhatWasCounted) {
   const std::string text = some_text();
   for (const char* line :
-       {"photonfarm_rays_total 5\n", "photonfarm_jobs{state=\"running\"} 2\n",
-        "photonfarm_jobs{state=\"failed\"} 0\n", "photonfarm_workers{state=\"tracing\"} 1\n",
-        "photonfarm_units_held 3\n", "photonfarm_rays_per_second 4000000\n",
-        "photonfarm_unit_seconds_bucket{le=\"0.25\"} 0\n", "photonfarm_unit_seconds_bucket{le=\"0.5\"} 1\n",
-        "photonfarm_unit_seconds_bucket{le=\"600\"} 1\n", "photonfarm_unit_seconds_bucket{le=\"+Inf\"} 2\n",
-        "photonfarm_unit_seconds_count 2\n", "photonfarm_unit_seconds_sum 1000.3\n",
+       {"photonfarm_rays_total 5\n", "photonfarm_jobs{state=\"running\"} 2\n", "photonfarm_jobs{state=\"failed\"} 0\n",
+        "photonfarm_workers{state=\"tracing\"} 1\n", "photonfarm_units_held 3\n",
+        "photonfarm_rays_per_second 4000000\n", "photonfarm_unit_seconds_bucket{le=\"0.25\"} 0\n",
+        "photonfarm_unit_seconds_bucket{le=\"0.5\"} 1\n", "photonfarm_unit_seconds_bucket{le=\"600\"} 1\n",
+        "photonfarm_unit_seconds_bucket{le=\"+Inf\"} 2\n", "photonfarm_unit_seconds_count 2\n",
+        "photonfarm_unit_seconds_sum 1000.3\n",
         "photonfarm_http_request_seconds_bucket{method=\"GET\",route=\"/v1/jobs/{}\",le=\"0.0025\"} 1\n",
         "photonfarm_http_request_seconds_count{method=\"GET\",route=\"/v1/jobs/{}\"} 2\n",
         "photonfarm_http_requests_total{method=\"GET\",route=\"/v1/jobs/{}\",code=\"404\"} 1\n"}) {
@@ -55,8 +54,7 @@ TEST(Metrics, SayWhatWasCounted) {
 }
 
 TEST(Metrics, EveryLineIsOfTheFormatAndEveryMetricIsDescribedOnce) {
-  static const std::regex kSample(
-      R"(photonfarm_[a-z_]+(\{([a-z_]+="[^"]*")(,[a-z_]+="[^"]*")*\})? [0-9.e+-]+)");
+  static const std::regex kSample(R"(photonfarm_[a-z_]+(\{([a-z_]+="[^"]*")(,[a-z_]+="[^"]*")*\})? [0-9.e+-]+)");
   static const std::regex kComment(R"(# (HELP|TYPE) photonfarm_[a-z_]+ .+)");
   std::istringstream lines(some_text());
   std::set<std::string> comments;

@@ -34,12 +34,14 @@ TEST(Retention, BeyondTheBytesTheOldestCheckpointsGoFirstThenTheOldestResults) {
   policy.bytes = 60;
   EXPECT_EQ(told(what_expires(policy, kept, 4)), "");
   policy.bytes = 15;
-  EXPECT_EQ(told(what_expires(policy, kept, 4)), "old checkpoint, mid checkpoint, new checkpoint, old results, mid results, ");
+  EXPECT_EQ(told(what_expires(policy, kept, 4)),
+            "old checkpoint, mid checkpoint, new checkpoint, old results, mid results, ");
 }
 
 TEST(Retention, WhatWentByAgeIsNotCountedNorNamedAgain) {
   const RetentionPolicy policy{.result_days = 0, .checkpoint_days = 1, .bytes = 15};
-  EXPECT_EQ(told(what_expires(policy, {{"a", 0, 10, 10}, {"b", 2 * kDay, 5, 10}}, 2 * kDay)), "a checkpoint, b checkpoint, ");
+  EXPECT_EQ(told(what_expires(policy, {{"a", 0, 10, 10}, {"b", 2 * kDay, 5, 10}}, 2 * kDay)),
+            "a checkpoint, b checkpoint, ");
 }
 
 }  // namespace

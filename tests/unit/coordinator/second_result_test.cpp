@@ -43,10 +43,12 @@ class SecondResult : public testing::Test {
     if (kind == wire::Task::SUB_PASSES) m.mutable_units(0)->set_sub_passes(1);
     return m;
   }
-  wire::ResultReply::Verdict send(const std::string& worker, wire::ResultManifest m, const std::vector<std::string>& chunks) {
+  wire::ResultReply::Verdict send(const std::string& worker, wire::ResultManifest m,
+                                  const std::vector<std::string>& chunks) {
     for (const std::string& chunk : chunks) m.add_chunk_xxh3(xxh3_64(std::string_view(chunk)));
     Answer answer = job_->on_manifest(worker, 1, m);
-    for (std::size_t i = 0; i < chunks.size() && answer.reply && answer.reply->verdict() == wire::ResultReply::WANTED; ++i) {
+    for (std::size_t i = 0; i < chunks.size() && answer.reply && answer.reply->verdict() == wire::ResultReply::WANTED;
+         ++i) {
       wire::ResultChunk chunk;
       chunk.set_result_id(m.result_id());
       chunk.set_index(static_cast<std::uint32_t>(i));
@@ -70,7 +72,12 @@ class SecondResult : public testing::Test {
   std::string log_;
   Metrics metrics_;
   JobStore store_ = std::move(*JobStore::open(folder_ / "farm.sqlite"));
-  JobSurroundings around_{store_, blobs_, clock_, [] { return std::int64_t{1}; }, "build", 5.0,
+  JobSurroundings around_{store_,
+                          blobs_,
+                          clock_,
+                          [] { return std::int64_t{1}; },
+                          "build",
+                          5.0,
                           [](const std::string&, const BlobId&) { return false; },
                           [this](const std::string&, std::string_view level, std::string_view, std::string_view text) {
                             log_.append(level).append(": ").append(text).append("\n");

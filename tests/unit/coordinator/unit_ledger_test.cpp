@@ -85,7 +85,9 @@ TEST(UnitLedger, AgreesWithASetOfSubPassesWhateverHappens) {
         ledger.finish(any);
         for (std::uint64_t s = any.first; s < any.end(); ++s) done.insert(s);
       } else if (what == 2 && !ledger.out().empty()) {
-        const UnitRange unit = std::next(ledger.out().begin(), static_cast<long>(below(static_cast<unsigned>(ledger.out().size()))))->second.range;
+        const UnitRange unit =
+            std::next(ledger.out().begin(), static_cast<long>(below(static_cast<unsigned>(ledger.out().size()))))
+                ->second.range;
         ledger.finish(unit);
         for (std::uint64_t s = unit.first; s < unit.end(); ++s) out.erase(s), done.insert(s);
       } else if (what == 3 && below(20) == 0) {

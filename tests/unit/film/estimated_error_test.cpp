@@ -11,7 +11,7 @@ namespace pf {
 namespace {
 
 constexpr std::uint64_t kSubPasses = 4;
-constexpr std::uint32_t kPhotons = 100;          // of a pixel: a relative variance of 1 / 100
+constexpr std::uint32_t kPhotons = 100;           // of a pixel: a relative variance of 1 / 100
 constexpr double kNoise = 1.0 / kPhotons / 1.01;  // of radiance 1, as relMSE weighs it
 
 /// Every pixel has radiance 1 from kPhotons photons, and as bias what `biases` says of it.
@@ -35,7 +35,8 @@ TEST(EstimatedError, IsTheNoiseWhereNoBiasIsLookedFor) {
 }
 
 TEST(EstimatedError, StaysTheNoiseWhereTheBiasFoundIsLessThanItsOwnNoise) {
-  // A bias of nothing, found from 100 photons: its square should have been 3 / 100, and taking that off leaves less than nothing.
+  // A bias of nothing, found from 100 photons: its square should have been 3 / 100, and taking that off leaves less
+  // than nothing.
   EXPECT_NEAR(film_of({0, 0, 0, 0}).estimated_error(), std::sqrt(kNoise), 1e-6);
 }
 
@@ -45,7 +46,8 @@ TEST(EstimatedError, AddsTheBiasLessWhatItsNoisePretends) {
 }
 
 TEST(EstimatedError, LetsTheBiasesNoiseCancelAmongPixelsBeforeItSaysThatThereIsNone) {
-  const double twice = std::sqrt(2.0 * 3.0 / kPhotons);  // noise alone, once above and once below what is expected of it
+  const double twice =
+      std::sqrt(2.0 * 3.0 / kPhotons);  // noise alone, once above and once below what is expected of it
   EXPECT_NEAR(film_of({twice, 0}).estimated_error(), std::sqrt(kNoise), 1e-6);
 }
 

@@ -56,8 +56,7 @@ struct Source {
   }
 };
 
-Imf::Header make_header(const Box2i& display, const Box2i& data,
-                        Imf::Compression compression = Imf::ZIP_COMPRESSION) {
+Imf::Header make_header(const Box2i& display, const Box2i& data, Imf::Compression compression = Imf::ZIP_COMPRESSION) {
   Imf::Header header(display, data);
   header.compression() = compression;
   for (const char* name : {"B", "G", "R"}) header.channels().insert(name, Imf::Channel(Imf::FLOAT));
@@ -104,8 +103,8 @@ TEST_F(ExrVariant, DataWindowMayLieAnywhereAgainstTheDisplayWindow) {
 
 TEST_F(ExrVariant, EveryLosslessCompressionAndLineOrderReadsTheSame) {
   const Box2i window({0, 0}, {40, 600});
-  for (const Imf::Compression compression : {Imf::NO_COMPRESSION, Imf::RLE_COMPRESSION, Imf::ZIPS_COMPRESSION,
-                                             Imf::ZIP_COMPRESSION, Imf::PIZ_COMPRESSION}) {
+  for (const Imf::Compression compression :
+       {Imf::NO_COMPRESSION, Imf::RLE_COMPRESSION, Imf::ZIPS_COMPRESSION, Imf::ZIP_COMPRESSION, Imf::PIZ_COMPRESSION}) {
     for (const Imf::LineOrder order : {Imf::INCREASING_Y, Imf::DECREASING_Y}) {
       Imf::Header header = make_header(window, window, compression);
       header.lineOrder() = order;
@@ -117,9 +116,8 @@ TEST_F(ExrVariant, EveryLosslessCompressionAndLineOrderReadsTheSame) {
 
 TEST_F(ExrVariant, LossyCompressionsReadTheirWholeHeight) {
   const Box2i window({0, 0}, {63, 599});
-  for (const Imf::Compression compression :
-       {Imf::PXR24_COMPRESSION, Imf::B44_COMPRESSION, Imf::B44A_COMPRESSION, Imf::DWAA_COMPRESSION,
-        Imf::DWAB_COMPRESSION}) {
+  for (const Imf::Compression compression : {Imf::PXR24_COMPRESSION, Imf::B44_COMPRESSION, Imf::B44A_COMPRESSION,
+                                             Imf::DWAA_COMPRESSION, Imf::DWAB_COMPRESSION}) {
     write_scan_lines(file_, make_header(window, window, compression));
     const auto image = read_exr(file_);
     ASSERT_TRUE(image) << image.error().message;
@@ -170,8 +168,7 @@ TEST_F(ExrVariant, HalvesAndIntegersBecomeFloats) {
   Imf::Header header(width, height);
   header.channels().insert("half.V", Imf::Channel(Imf::HALF));
   header.channels().insert("id.U", Imf::Channel(Imf::UINT));
-  const std::vector<half> halves = {half(0.5f), half(-2.0f), half(65504.0f),
-                                    half(1.0f), half(0.0f),  half(3.0f)};
+  const std::vector<half> halves = {half(0.5f), half(-2.0f), half(65504.0f), half(1.0f), half(0.0f), half(3.0f)};
   const std::vector<unsigned> integers = {0, 1, 2, 70000, 16777216, 4294967295u};
   {
     Imf::FrameBuffer frame;
@@ -246,8 +243,7 @@ TEST_F(ExrVariant, DeepImagesAreRefusedByName) {
   {
     Imf::DeepFrameBuffer frame;
     frame.insertSampleCountSlice(Imf::Slice(Imf::UINT, reinterpret_cast<char*>(counts), sizeof(unsigned), 0));
-    frame.insert(
-        "Z", Imf::DeepSlice(Imf::FLOAT, reinterpret_cast<char*>(pointers), sizeof(float*), 0, sizeof(float)));
+    frame.insert("Z", Imf::DeepSlice(Imf::FLOAT, reinterpret_cast<char*>(pointers), sizeof(float*), 0, sizeof(float)));
     Imf::DeepScanLineOutputFile output(file_.c_str(), header, 0);
     output.setFrameBuffer(frame);
     output.writePixels(1);

@@ -40,8 +40,7 @@ constexpr Published kHdr[] = {
 constexpr double kTolerance = 2e-6;  // absolute, of errors in [0, 1]
 
 void expect_published(const FlipMap& map, const Published& p) {
-  SCOPED_TRACE(testing::Message() << p.width << "x" << p.height << " at " << p.pixels_per_degree
-                                  << " per degree");
+  SCOPED_TRACE(testing::Message() << p.width << "x" << p.height << " at " << p.pixels_per_degree << " per degree");
   ASSERT_EQ(map.error.size(), static_cast<std::size_t>(p.width * p.height));
   EXPECT_NEAR(map.mean, p.mean, kTolerance);
   EXPECT_NEAR(*std::max_element(map.error.begin(), map.error.end()), p.largest, kTolerance);

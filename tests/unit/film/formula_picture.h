@@ -20,8 +20,7 @@ inline Picture make_picture(int width, int height, bool hdr) {
   Picture picture{width, height, {}, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const Rgb r(static_cast<float>((x * 7 + y * 3) % 16) / 16.0f,
-                  static_cast<float>((x * x + y * 5) % 23) / 32.0f,
+      const Rgb r(static_cast<float>((x * 7 + y * 3) % 16) / 16.0f, static_cast<float>((x * x + y * 5) % 23) / 32.0f,
                   static_cast<float>((x / 6 + y / 5) % 2) * 0.75f + 0.125f);
       const float d = static_cast<float>((x * 13 + y * 11) % 32) / 128.0f;
       Rgb t(r.x * 0.875f + d, r.y * 0.75f + d, r.z * 0.9375f + d / 2.0f);

@@ -41,8 +41,7 @@ void put_bytes(const fs::path& file, const std::string& bytes) {
 Layer make_layer(std::string name, std::vector<std::string> channels, int pixels) {
   Layer layer{std::move(name), std::move(channels), {}};
   for (std::size_t i = 0; i < layer.channels.size() * pixels; ++i) {
-    layer.data.push_back(
-        std::ldexp(static_cast<float>(i * 2654435761u % 65521u), static_cast<int>(i % 40) - 30));
+    layer.data.push_back(std::ldexp(static_cast<float>(i * 2654435761u % 65521u), static_cast<int>(i % 40) - 30));
   }
   return layer;
 }
@@ -54,8 +53,7 @@ LayeredImage make_image(int width, int height) {
   image.layers.push_back(make_layer("", {"R", "G", "B"}, width * height));
   image.layers.push_back(make_layer("caustics", {"R", "G", "B", "A"}, width * height));
   image.layers.push_back(make_layer("deep.name", {"Z"}, width * height));
-  image.metadata = {
-      {"seed", "1"}, {"spec_hash", "00ff"}, {"plan", "ppm: a caustic is \"near\"\nsecond line"}};
+  image.metadata = {{"seed", "1"}, {"spec_hash", "00ff"}, {"plan", "ppm: a caustic is \"near\"\nsecond line"}};
   return image;
 }
 
@@ -83,8 +81,7 @@ void expect_same(const LayeredImage& a, const LayeredImage& b) {
     EXPECT_EQ(a.layers[i].name, b.layers[i].name);
     EXPECT_EQ(a.layers[i].channels, b.layers[i].channels);
     ASSERT_EQ(a.layers[i].data.size(), b.layers[i].data.size());
-    EXPECT_EQ(std::memcmp(a.layers[i].data.data(), b.layers[i].data.data(),
-                          a.layers[i].data.size() * sizeof(float)),
+    EXPECT_EQ(std::memcmp(a.layers[i].data.data(), b.layers[i].data.data(), a.layers[i].data.size() * sizeof(float)),
               0);
   }
 }
@@ -282,10 +279,9 @@ TEST_F(ImageFile, PngAppliesExposureInStops) {
 TEST_F(ImageFile, PngShowsNanInMagentaAndClampsTheRest) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
-  ASSERT_TRUE(write_beauty(file("a.png"), 4, 1,
-                        {{nan, 0, 0}, {inf, -inf, -1}, {0, 0, -nan}, {1e38f, -0.0f, 1e-45f}}, 3));
-  EXPECT_EQ(decode(file("a.png")).rgb,
-            (std::vector<std::uint8_t>{255, 0, 255, 255, 0, 0, 255, 0, 255, 255, 0, 0}));
+  ASSERT_TRUE(
+      write_beauty(file("a.png"), 4, 1, {{nan, 0, 0}, {inf, -inf, -1}, {0, 0, -nan}, {1e38f, -0.0f, 1e-45f}}, 3));
+  EXPECT_EQ(decode(file("a.png")).rgb, (std::vector<std::uint8_t>{255, 0, 255, 255, 0, 0, 255, 0, 255, 255, 0, 0}));
 }
 
 TEST_F(ImageFile, PngRefusesAWrongNumberOfPixels) {

@@ -70,15 +70,20 @@ TEST(Film, DividesEveryPixelByTheSamplesThatItHas) {
   sums.sub_passes = 6;
   const LayeredImage image = film.image();
   for (const Layer& layer : image.layers) {
-    const float expected = layer.name.empty() ? 3.0f : layer.name == "direct" ? 2.0f : layer.name == "specular" ? 1.0f : -1.0f;
-    for (std::size_t i = 0; expected > 0.0f && i < layer.data.size(); ++i) ASSERT_FLOAT_EQ(layer.data[i], expected) << layer.name;
+    const float expected = layer.name.empty()         ? 3.0f
+                           : layer.name == "direct"   ? 2.0f
+                           : layer.name == "specular" ? 1.0f
+                                                      : -1.0f;
+    for (std::size_t i = 0; expected > 0.0f && i < layer.data.size(); ++i)
+      ASSERT_FLOAT_EQ(layer.data[i], expected) << layer.name;
     if (layer.name == "gather_points") {
       EXPECT_EQ(layer.data[0] + layer.data[31], 6.0f);
     }
   }
   EXPECT_EQ(image.layers[2].name, "specular");
   EXPECT_EQ(image.layers.back().name, "gather_points");
-  EXPECT_EQ(film.round_end(), 8u) << "a round is a sweep, so that the error is looked at when every pixel has as many samples";
+  EXPECT_EQ(film.round_end(), 8u)
+      << "a round is a sweep, so that the error is looked at when every pixel has as many samples";
 }
 
 }  // namespace

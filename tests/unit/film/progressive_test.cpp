@@ -56,7 +56,8 @@ TEST(ProgressiveUpdate, GivesTheSameRadiusInOneRoundAsInManyWhenDensityIsUniform
   FlowState grown{static_cast<float>(first), 0.0f, {}};
   for (std::uint64_t done = 0; done < 64;) {
     const std::uint64_t size = std::min<std::uint64_t>(round_size(done, 0.25), 64 - done);
-    const auto found = static_cast<std::uint32_t>(std::lround(100.0 * static_cast<double>(size) * grown.radius2 / first));
+    const auto found =
+        static_cast<std::uint32_t>(std::lround(100.0 * static_cast<double>(size) * grown.radius2 / first));
     grown = updated(grown, found, {found, found, found}, size, kAlpha);
     done += size;
   }

@@ -26,12 +26,13 @@ JobSpec small(IntegratorType type, ProgressiveMode mode = ProgressiveMode::kShar
 
 testing::AssertionResult same_sums(const Statistics& a, const Statistics& b) {
   for (std::size_t i = 0; i < a.pixels.size(); ++i) {
-    if (a.pixels[i] != b.pixels[i] || a.features[i] != b.features[i] || (!a.extras.empty() && a.extras[i] != b.extras[i])) {
+    if (a.pixels[i] != b.pixels[i] || a.features[i] != b.features[i] ||
+        (!a.extras.empty() && a.extras[i] != b.extras[i])) {
       return testing::AssertionFailure() << "pixel " << i << " differs";
     }
   }
-  if (a.sub_passes != b.sub_passes || a.photon_paths != b.photon_paths ||
-      a.photons_stored != b.photons_stored || a.rays != b.rays) {
+  if (a.sub_passes != b.sub_passes || a.photon_paths != b.photon_paths || a.photons_stored != b.photons_stored ||
+      a.rays != b.rays) {
     return testing::AssertionFailure() << "figures differ";
   }
   return testing::AssertionSuccess();
@@ -41,8 +42,7 @@ Statistics empty_sums(const Integrator& integrator) { return Film(integrator.fil
 
 template <typename F>
 void on_threads(int threads, F&& work) {
-  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
   tbb::task_arena arena(threads);
   arena.execute(work);
 }
@@ -64,8 +64,7 @@ TEST_P(Determinism, OneTwoAndFiveThreadsGiveTheSameImage) {
   std::vector<Rgb> one;
   on_threads(1, [&] { one = layer_of(render(*scene_, spec_, 4)); });
   for (const int threads : {2, 5}) {
-    on_threads(threads,
-               [&] { EXPECT_TRUE(same_bytes(layer_of(render(*scene_, spec_, 4)), one)) << threads; });
+    on_threads(threads, [&] { EXPECT_TRUE(same_bytes(layer_of(render(*scene_, spec_, 4)), one)) << threads; });
   }
 }
 

@@ -8,8 +8,8 @@
 namespace pf::test {
 namespace {
 
-constexpr int kEdge = 32;             ///< pixels of the image's side
-constexpr int kLampsEndColumn = 16;   ///< the lamp covers kCovered of these pixels, all of those before
+constexpr int kEdge = 32;            ///< pixels of the image's side
+constexpr int kLampsEndColumn = 16;  ///< the lamp covers kCovered of these pixels, all of those before
 constexpr double kCovered = 0.48;
 constexpr float kRadiance = 2.0f;
 

@@ -98,8 +98,7 @@ TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
     std::vector<PixelSums> first;
     std::vector<ExtraSums> first_extras;
     for (const int threads : {1, 2, 5}) {
-      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(threads));
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
       tbb::task_arena arena(threads);
       arena.execute([&] {
         const auto integrator = make_integrator(*scene, spec);
@@ -107,8 +106,7 @@ TEST(FinalGather, GivesTheSameBitsOnAnyNumberOfThreadsAndInAnyOrderOfTiles) {
         Statistics sums(options.width, options.height, true, true);
         const std::uint64_t units = PassOrder(options).sub_passes(2);
         // Backwards with five threads.
-        for (std::uint64_t u = 0; u < units; ++u)
-          integrator->run({threads == 5 ? units - 1 - u : u, 1}, {}, sums);
+        for (std::uint64_t u = 0; u < units; ++u) integrator->run({threads == 5 ? units - 1 - u : u, 1}, {}, sums);
         EXPECT_EQ(sums.faults.not_finite + sums.faults.overflow, 0u);
         if (first.empty()) {
           first = sums.pixels;
@@ -139,8 +137,7 @@ TEST(PhotonMapIntegrator, GivesTheSameBitsOnAnyNumberOfThreads) {
   spec.integrator.type = IntegratorType::kPhotonMap;
   std::vector<PixelSums> first;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     arena.execute([&] {
       const Film film = render(*scene, spec, 2);

@@ -33,8 +33,7 @@ TEST(IrradianceCaching, GivesTheSameBitsOnOneTwoAndFiveThreads) {
   const auto scene = peer_box(16).build();
   std::vector<Rgb> one;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(threads));
+    const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     std::vector<Rgb> image;
     arena.execute([&] { image = layer_of(render(*look(*scene, small_cache()), 3)); });
@@ -69,8 +68,7 @@ TEST(IrradianceCaching, MarksEveryRecordItMadeOnce) {
   for (const ExtraSums& extra : film.sums().extras) marks += extra.marks;
   EXPECT_EQ(static_cast<std::uint64_t>(marks), integrator->figures().records);
   EXPECT_EQ(integrator->figures().gathered, integrator->figures().records);
-  EXPECT_EQ(integrator->figures().gather_rays,
-            integrator->figures().records * HemisphereGrid::of_rays(64).cells());
+  EXPECT_EQ(integrator->figures().gather_rays, integrator->figures().records * HemisphereGrid::of_rays(64).cells());
 }
 
 TEST(IrradianceCaching, LeavesFewSamplesWithoutARecord) {

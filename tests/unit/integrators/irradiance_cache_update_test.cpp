@@ -72,8 +72,7 @@ struct Looked {
   Looked(const Rooms& rooms, const JobSpec& spec) : maker(rooms.make()), scene(maker.build()) {
     auto parts = scene_parts(maker.description);
     EXPECT_TRUE(parts);
-    integrator = std::make_unique<IrradianceCacheIntegrator>(*scene, scene->cameras().front(), spec,
-                                                             std::move(*parts));
+    integrator = std::make_unique<IrradianceCacheIntegrator>(*scene, scene->cameras().front(), spec, std::move(*parts));
     EXPECT_FALSE(integrator->file_error()) << integrator->file_error()->message;
   }
 };
@@ -124,19 +123,15 @@ TEST_P(IrradianceCacheUpdate, KeepsNoRecordThatTheChangeAlters) {
     std::vector<double> values;
     for (std::uint64_t run = 0; run < 12; ++run) {
       TileFigures figures;
-      const auto samples =
-          builder.gather(GatherPlace(record, {}), HemisphereGrid::of_rays(256), run, figures);
-      values.push_back(
-          double{average(estimate_irradiance(samples, Frame::from_normal(record.normal)).irradiance)});
+      const auto samples = builder.gather(GatherPlace(record, {}), HemisphereGrid::of_rays(256), run, figures);
+      values.push_back(double{average(estimate_irradiance(samples, Frame::from_normal(record.normal)).irradiance)});
     }
     return estimate(values);
   };
   std::vector<Estimate> old_values, new_values;
   std::size_t kept = 0;
   for (const IrradianceRecord& record : after.integrator->cache().records()) {
-    const auto same = [&](const IrradianceRecord& r) {
-      return r.id == record.id && r.irradiance == record.irradiance;
-    };
+    const auto same = [&](const IrradianceRecord& r) { return r.id == record.id && r.irradiance == record.irradiance; };
     const auto& records = before.integrator->cache().records();
     if (std::none_of(records.begin(), records.end(), same) || kept++ % 8 != 0) continue;
     old_values.push_back(irradiance_of(before, record, 50));
@@ -199,8 +194,7 @@ TEST(IrradianceCacheFile, ThatIsNoneIsLeftAloneAndReported) {
   ASSERT_TRUE(write_file_atomically(file, "somebody's letter"));
   SceneMaker maker = Rooms().make();
   const auto scene = maker.build();
-  const IrradianceCacheIntegrator integrator(*scene, scene->cameras().front(), spec,
-                                             *scene_parts(maker.description));
+  const IrradianceCacheIntegrator integrator(*scene, scene->cameras().front(), spec, *scene_parts(maker.description));
   ASSERT_TRUE(integrator.file_error());
   EXPECT_NE(integrator.file_error()->message.find("byte 0: not an irradiance cache"), std::string::npos);
   EXPECT_GT(integrator.figures().records, 100u);

@@ -47,8 +47,8 @@ void expect_same(const Statistics& a, const Statistics& b) {
   EXPECT_EQ(a.sub_passes, b.sub_passes);
 }
 
-// At the foot of a wall a part of a kernel's disc lies where no rays can be: without regard to it about a quarter of the light is
-// missing right beside the edge.
+// At the foot of a wall a part of a kernel's disc lies where no rays can be: without regard to it about a quarter of
+// the light is missing right beside the edge.
 TEST(PhotonSplat, LosesNoLightAtTheFootOfAWall) {
   const auto scene = furnace_box().build();
   for (const SplatKernel kernel : {SplatKernel::kEpanechnikov, SplatKernel::kGaussian}) {
@@ -130,7 +130,8 @@ TEST(PhotonSplat, TellsCausticsFromOtherIndirectLight) {
     maker.spot_light({0, 1, 0}, {0, 1, 0}, 1.0f, 0.9f, 0.8f);
     maker.camera({0, 1.5f, 0.01f}, {0, 0, 0}, 0.5f);
     const auto scene = maker.build();
-    const double caustics = mean_of(*scene, small_splat(), "caustics"), indirect = mean_of(*scene, small_splat(), "indirect");
+    const double caustics = mean_of(*scene, small_splat(), "caustics"),
+                 indirect = mean_of(*scene, small_splat(), "indirect");
     if (mirror) {
       EXPECT_GT(caustics, 100.0 * indirect);
     } else {

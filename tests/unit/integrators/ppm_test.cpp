@@ -36,7 +36,8 @@ TEST(Ppm, LooksAtTheSamePointsInEverySubPass) {
 
 TEST(Ppm, KeepsStatisticsForEveryHitPointOfSplitPaths) {
   const auto glass = peer_box(16).build();
-  EXPECT_EQ(make_integrator(*glass, ppm_job(24, 16, 100))->film_options().hit_points, 8) << "glass splits paths: as many as allowed";
+  EXPECT_EQ(make_integrator(*glass, ppm_job(24, 16, 100))->film_options().hit_points, 8)
+      << "glass splits paths: as many as allowed";
   const auto diffuse = diffuse_box().build();
   EXPECT_EQ(make_integrator(*diffuse, ppm_job(24, 16, 100))->film_options().hit_points, 4) << "one for each eye sample";
 }

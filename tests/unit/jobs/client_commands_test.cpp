@@ -100,8 +100,7 @@ TEST_F(ClientCommands, BadSpecsAndScenesFailBeforeAnythingIsSent) {
 }
 
 TEST_F(ClientCommands, ErrorsOfTheServiceKeepTheirExitCodes) {
-  service_.submit_error =
-      Error{ErrorKind::kInvalidSpec, "request:1:20: too many passes; expected at most 10"};
+  service_.submit_error = Error{ErrorKind::kInvalidSpec, "request:1:20: too many passes; expected at most 10"};
   EXPECT_EQ(run({"submit", job_file()}), 2);
   EXPECT_NE(err_.str().find("too many passes"), std::string::npos);
   EXPECT_NE(err_.str().find(server_->url()), std::string::npos);
@@ -193,8 +192,7 @@ TEST_F(ClientCommands, NoServiceGivesFourAndAHint) {
   }
   fs::remove(temp_ / "state" / "url");
   EXPECT_EQ(run({"submit", job_file()}), 4) << "without a farm there is nothing to wait for";
-  EXPECT_NE(err_.str().find("photonfarm farm --state " + (temp_ / "state").string()), std::string::npos)
-      << err_.str();
+  EXPECT_NE(err_.str().find("photonfarm farm --state " + (temp_ / "state").string()), std::string::npos) << err_.str();
 }
 
 TEST_F(ClientCommands, TheServiceIsFoundByOptionVariableOrUrl) {

@@ -62,15 +62,13 @@ TEST_F(PhotonfarmCommand, NoCommandIsAUsageErrorWithHelp) {
 
 TEST_F(PhotonfarmCommand, AMistypedCommandGetsTheNearestName) {
   EXPECT_EQ(run({"rendr", "job.toml"}), 2);
-  EXPECT_EQ(err_.str(),
-            "photonfarm: unknown command 'rendr'; did you mean 'render'?; see photonfarm --help\n");
+  EXPECT_EQ(err_.str(), "photonfarm: unknown command 'rendr'; did you mean 'render'?; see photonfarm --help\n");
 }
 
 TEST_F(PhotonfarmCommand, AMistypedOptionGetsTheNearestName) {
   EXPECT_EQ(run({"doctor", "--jsn"}), 2);
-  EXPECT_EQ(
-      err_.str(),
-      "photonfarm doctor: unknown option '--jsn'; did you mean '--json'?; see photonfarm doctor --help\n");
+  EXPECT_EQ(err_.str(),
+            "photonfarm doctor: unknown option '--jsn'; did you mean '--json'?; see photonfarm doctor --help\n");
 }
 
 TEST_F(PhotonfarmCommand, AMissingArgumentIsAUsageError) {
@@ -108,8 +106,7 @@ TEST_F(PhotonfarmCommand, AMissingWorkerIsUnavailable) {
 TEST_F(PhotonfarmCommand, AWorkerKilledByASignalIsReported) {
   worker("kill -SEGV $$");
   EXPECT_EQ(run({"render", "job.toml"}), 5);
-  EXPECT_NE(err_.str().find("photonfarm-worker was killed by signal 11 (Segmentation fault)"),
-            std::string::npos)
+  EXPECT_NE(err_.str().find("photonfarm-worker was killed by signal 11 (Segmentation fault)"), std::string::npos)
       << err_.str();
 }
 

@@ -23,10 +23,7 @@ class Compare : public testing::Test {
 
   [[nodiscard]] static LayeredImage make_image(float scale) {
     LayeredImage image{
-        16,
-        8,
-        {{"", {"R", "G", "B"}, {}}, {"direct", {"R", "G", "B"}, {}}, {"normal", {"X", "Y", "Z"}, {}}},
-        {}};
+        16, 8, {{"", {"R", "G", "B"}, {}}, {"direct", {"R", "G", "B"}, {}}, {"normal", {"X", "Y", "Z"}, {}}}, {}};
     for (Layer& layer : image.layers) {
       for (int i = 0; i < 16 * 8 * 3; ++i) layer.data.push_back(scale * static_cast<float>(i % 5 + 1));
     }
@@ -61,8 +58,8 @@ TEST_F(Compare, JsonIsOneDocumentWithEveryFigure) {
 TEST_F(Compare, TableNamesTheFigures) {
   const auto text = run_compare(options());
   ASSERT_TRUE(text);
-  for (const char* name : {"relMSE ", "relMSE trimmed", "RMSE", "SMAPE", "mean ratio", "1.25",
-                           "HDR-FLIP mean", "direct", "16x8"}) {
+  for (const char* name :
+       {"relMSE ", "relMSE trimmed", "RMSE", "SMAPE", "mean ratio", "1.25", "HDR-FLIP mean", "direct", "16x8"}) {
     EXPECT_NE(text->find(name), std::string::npos) << name << " in\n" << *text;
   }
   EXPECT_EQ(text->find("negative"), std::string::npos);
@@ -86,8 +83,7 @@ TEST_F(Compare, RefusesOtherSizesNamingBoth) {
   const auto result = run_compare(options());
   ASSERT_FALSE(result);
   EXPECT_EQ(result.error().kind, ErrorKind::kInvalidInput);
-  EXPECT_NE(result.error().message.find("8x16 pixels; expected 16x8"), std::string::npos)
-      << result.error().message;
+  EXPECT_NE(result.error().message.find("8x16 pixels; expected 16x8"), std::string::npos) << result.error().message;
 }
 
 TEST_F(Compare, RefusesNonFinitePixelsNamingTheFirst) {

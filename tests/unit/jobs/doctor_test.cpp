@@ -37,10 +37,8 @@ TEST_F(Doctor, RefusesAWorkerOfAnotherBuildAndNamesBoth) {
 }
 
 TEST_F(Doctor, RefusesAWorkerThatFails) {
-  EXPECT_EQ(check_worker(script("worker", "exit 127"), "build-1").found,
-            "--version ended with exit code 127");
-  EXPECT_NE(check_worker(script("worker", "kill -ILL $$"), "build-1").found.find("signal 4"),
-            std::string::npos);
+  EXPECT_EQ(check_worker(script("worker", "exit 127"), "build-1").found, "--version ended with exit code 127");
+  EXPECT_NE(check_worker(script("worker", "kill -ILL $$"), "build-1").found.find("signal 4"), std::string::npos);
   EXPECT_NE(check_worker(folder_ / "absent", "build-1").found.find("does not exist"), std::string::npos);
   std::ofstream(folder_ / "text") << "no program";
   EXPECT_NE(check_worker(folder_ / "text", "build-1").found.find("cannot be started"), std::string::npos);
@@ -72,8 +70,7 @@ TEST_F(Doctor, JudgesDiskAndMemoryByWhatRendersNeed) {
 }
 
 TEST_F(Doctor, IsWellUnlessACheckIsBad) {
-  const std::vector<Check> notes = {{"a", Health::kOk, "fine", ""},
-                                    {"b", Health::kNote, "absent", "install it"}};
+  const std::vector<Check> notes = {{"a", Health::kOk, "fine", ""}, {"b", Health::kNote, "absent", "install it"}};
   EXPECT_TRUE(all_well(notes));
   EXPECT_EQ(doctor_text(notes, "Well.", "Unwell."),
             "ok    a              fine\n"

@@ -74,8 +74,7 @@ TEST_F(ImageOriginTest, AnotherSceneIsRefused) {
   std::ofstream(temp_ / "scene" / "a.bin") << "54321";
   const auto used = use_scene_folder(*origin, temp_ / "scene");
   ASSERT_FALSE(used);
-  EXPECT_NE(used.error().message.find("a.bin: has another content"), std::string::npos)
-      << used.error().message;
+  EXPECT_NE(used.error().message.find("a.bin: has another content"), std::string::npos) << used.error().message;
 }
 
 TEST_F(ImageOriginTest, OthersImagesAreRefusedAndFileListsCannotLeadOut) {
@@ -86,8 +85,8 @@ TEST_F(ImageOriginTest, OthersImagesAreRefusedAndFileListsCannotLeadOut) {
   EXPECT_EQ(exit_code(origin.error().kind), 3);
   const std::string hash(64, 'a');
   for (const char* path : {"../a", "/etc/passwd", "a/../../b", ""})
-    EXPECT_FALSE(parse_file_list(R"([{"path": ")" + std::string(path) + R"(", "sha256": ")" + hash +
-                                 R"(", "bytes": 1}])"))
+    EXPECT_FALSE(
+        parse_file_list(R"([{"path": ")" + std::string(path) + R"(", "sha256": ")" + hash + R"(", "bytes": 1}])"))
         << path;
   for (const char* text : {"", "{", "[1]", "[{}]", R"([{"path": "a", "sha256": "AA", "bytes": 1}])"})
     EXPECT_FALSE(parse_file_list(text)) << text;

@@ -70,8 +70,7 @@ Mesh mesh_of(const tinygltf::Model& model, const tinygltf::Node& node) {
   const auto& primitive = model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives.at(0);
   Mesh mesh;
   mesh.positions = vectors(model, primitive.attributes.at("POSITION"));
-  if (primitive.attributes.contains("NORMAL"))
-    mesh.normals = vectors(model, primitive.attributes.at("NORMAL"));
+  if (primitive.attributes.contains("NORMAL")) mesh.normals = vectors(model, primitive.attributes.at("NORMAL"));
   const auto& accessor = model.accessors.at(static_cast<std::size_t>(primitive.indices));
   const auto& view = model.bufferViews.at(static_cast<std::size_t>(accessor.bufferView));
   const bool is_short = accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT;
@@ -181,8 +180,7 @@ TEST(Scenes, AreTheCommittedBytesWhenMadeAgain) {
     const std::string made = bytes_of(entry.path());
     const fs::path committed = kJobs / "scenes" / entry.path().filename();
     EXPECT_LT(made.size(), kLargestFile) << entry.path();
-    EXPECT_TRUE(made == bytes_of(committed))
-        << committed << " differs; run photonfarm-make-scenes jobs/scenes";
+    EXPECT_TRUE(made == bytes_of(committed)) << committed << " differs; run photonfarm-make-scenes jobs/scenes";
     ++files;
   }
   EXPECT_EQ(files, recipes().size());
@@ -251,8 +249,7 @@ TEST(Scenes, HaveWatertightDielectricsWhoseFrontIsOutside) {
   for (const Recipe& recipe : recipes()) {
     const tinygltf::Model model = load(recipe);
     for (const auto& node : model.nodes) {
-      if (node.mesh < 0 || !material_of(model, node).extensions.contains("KHR_materials_transmission"))
-        continue;
+      if (node.mesh < 0 || !material_of(model, node).extensions.contains("KHR_materials_transmission")) continue;
       const auto& volume_extension = material_of(model, node).extensions.at("KHR_materials_volume");
       EXPECT_GT(volume_extension.Get("thicknessFactor").GetNumberAsDouble(), 0.0) << node.name;
       const Mesh mesh = mesh_of(model, node);
@@ -270,10 +267,8 @@ TEST(Scenes, HaveNothingButPureLambertSurfacesBesideMetalAndGlass) {
     for (const auto& material : load(recipe).materials) {
       if (material.pbrMetallicRoughness.metallicFactor > 0) continue;
       if (material.extensions.contains("KHR_materials_transmission")) continue;
-      ASSERT_TRUE(material.extensions.contains("KHR_materials_specular"))
-          << recipe.name << ", " << material.name;
-      EXPECT_EQ(material.extensions.at("KHR_materials_specular").Get("specularFactor").GetNumberAsDouble(),
-                0.0);
+      ASSERT_TRUE(material.extensions.contains("KHR_materials_specular")) << recipe.name << ", " << material.name;
+      EXPECT_EQ(material.extensions.at("KHR_materials_specular").Get("specularFactor").GetNumberAsDouble(), 0.0);
     }
   }
 }
@@ -284,8 +279,7 @@ TEST(Scenes, TurnTheFrontOfEachLampTowardsWhatItLights) {
   EXPECT_NEAR(normal(mesh_named("peer-box", "light")).y, -1.0, 1e-9);
   EXPECT_LT(volume(mesh_named("white-furnace", "room")), 0.0);  // front inside
   EXPECT_GT(volume(mesh_named("ring", "lamp")), 0.0);           // front outside
-  for (const auto& [scene, lamp] :
-       {std::pair("glass-caustic", "lamp"), std::pair("glass-caustic", "panel")}) {
+  for (const auto& [scene, lamp] : {std::pair("glass-caustic", "lamp"), std::pair("glass-caustic", "panel")}) {
     const Mesh mesh = mesh_named(scene, lamp);
     EXPECT_GT(normal(mesh).dot((Vec3(0, 0.1, 0) - mesh.positions[0]).normalized()), 0.7) << lamp;
   }

@@ -38,8 +38,7 @@ TEST_F(SecureService, CommandsFindCertificateAndTokenInTheStateFolder) {
   EXPECT_TRUE(server_->url().starts_with("https://127.0.0.1:"));
   ASSERT_EQ(run({"list"}), 0) << err_.str();
   EXPECT_NE(out_.str().find("glass-1"), std::string::npos);
-  ASSERT_EQ(run({"list", "--ca", (temp_ / "ca.pem").string()}, server_->url(), server_->token()), 0)
-      << err_.str();
+  ASSERT_EQ(run({"list", "--ca", (temp_ / "ca.pem").string()}, server_->url(), server_->token()), 0) << err_.str();
 }
 
 TEST_F(SecureService, AServiceThatNobodyVouchesForIsNotSpokenTo) {
@@ -89,8 +88,7 @@ TEST_F(SecureService, AKeyThatOthersReadOrThatDoesNotFitIsRefused) {
   ASSERT_FALSE(read_by_all);
   EXPECT_NE(read_by_all.error().message.find("chmod 600"), std::string::npos);
   const auto other = make_certificates({});
-  ASSERT_TRUE(other &&
-              write_file_atomically(temp_ / "server-key.pem", other->server_key, FileAccess::kOwnerOnly));
+  ASSERT_TRUE(other && write_file_atomically(temp_ / "server-key.pem", other->server_key, FileAccess::kOwnerOnly));
   const auto unfit = HttpServer::start(options_, service_, log_);
   ASSERT_FALSE(unfit);
   EXPECT_EQ(exit_code(unfit.error().kind), 2);

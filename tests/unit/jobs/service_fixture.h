@@ -16,7 +16,8 @@
 
 namespace pf::test {
 
-/// Client commands against a real server on loopback with a fake coordinator behind it. `options_` may be changed before start().
+/// Client commands against a real server on loopback with a fake coordinator behind it. `options_` may be changed
+/// before start().
 class ServiceFixture : public testing::Test {
  protected:
   ServiceFixture() {
@@ -33,8 +34,7 @@ class ServiceFixture : public testing::Test {
   int run(const Arguments& arguments, const std::string& server = {}, const std::string& token = {}) {
     out_.str("");
     err_.str("");
-    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server,
-                          token};
+    const Context context{temp_.path(), "/usr/bin:/bin", temp_ / "state", temp_.path(), out_, err_, server, token};
     return run_photonfarm(context, arguments);
   }
 

@@ -49,7 +49,9 @@ class StateDoctor : public testing::Test {
     fs::create_directories(file.parent_path());
     std::ofstream(file, std::ios::binary) << text;
   }
-  [[nodiscard]] fs::path blob(const std::string& sha256) const { return state_ / "blobs" / sha256.substr(0, 2) / sha256; }
+  [[nodiscard]] fs::path blob(const std::string& sha256) const {
+    return state_ / "blobs" / sha256.substr(0, 2) / sha256;
+  }
   [[nodiscard]] fs::path checkpoint(const std::string& id) const { return state_ / "jobs" / id / "film.checkpoint"; }
   [[nodiscard]] std::vector<Check> examine(const std::string& build = "build-1") const {
     const auto checks = examine_state(state_, temp_.path(), build);
@@ -79,7 +81,8 @@ class StateDoctor : public testing::Test {
 };
 
 TEST_F(StateDoctor, FindsNothingInAWholeFolderAndLeavesItAsItWas) {
-  for (const Check& check : examine()) EXPECT_TRUE(check.health == Health::kOk || check.name == "disk") << check.name << ": " << check.found;
+  for (const Check& check : examine())
+    EXPECT_TRUE(check.health == Health::kOk || check.name == "disk") << check.name << ": " << check.found;
   const auto wal = state_ / "farm.sqlite-wal";
   const bool had_log = fs::exists(wal);
   const auto hash = sha256_hex_of_file(state_ / JobStore::kFileName).value();
@@ -152,7 +155,8 @@ TEST_F(StateDoctor, ExpiredFilesAreNotMissed) {
   records_["done-1"].number = 1;
   records_["done-1"].expired = {"checkpoint", "results"};
   ASSERT_TRUE(store->save(records_["done-1"], {}));
-  for (const Check& check : examine()) EXPECT_TRUE(check.health == Health::kOk || check.name == "disk") << check.name << ": " << check.found;
+  for (const Check& check : examine())
+    EXPECT_TRUE(check.health == Health::kOk || check.name == "disk") << check.name << ": " << check.found;
 }
 
 TEST_F(StateDoctor, ADamagedOrMissingBlobIsNamedWithItsJob) {

@@ -25,20 +25,17 @@ class SteerCommands : public testing::Test {
  protected:
   StubReply answer(const StubRequest& request) {
     if (request.path == "/v1/jobs")
-      return {200,
-              json{{"jobs",
-                    {{{"id", "glass-1"}, {"name", "glass"}, {"state", "done"}},
-                     {{"id", "glass-2"}, {"name", "glass"}, {"state", "running"}, {"submitted_unix_ms", 5}},
-                     {{"id", "pool-3"}, {"name", "pool"}, {"state", "failed"}}}}}
-                  .dump()};
+      return {200, json{{"jobs",
+                         {{{"id", "glass-1"}, {"name", "glass"}, {"state", "done"}},
+                          {{"id", "glass-2"}, {"name", "glass"}, {"state", "running"}, {"submitted_unix_ms", 5}},
+                          {{"id", "pool-3"}, {"name", "pool"}, {"state", "failed"}}}}}
+                       .dump()};
     if (request.method == "DELETE") return {204, ""};
     if (request.path == "/v1/jobs/glass-2/units") return {200, page({{0, "aa"}, {4, "bb"}})};
     if (request.path == "/v1/jobs/glass-2/units?after=4") return {200, page({{8, "cc"}})};
     if (request.path.find("/units?after=8") != std::string::npos) return {200, R"({"units": []})"};
-    if (request.path == "/v1/jobs/validate")
-      return {200, R"({"valid": true, "spec": {}, "warnings": ["odd"]})"};
-    if (request.path.starts_with("/v1/workers/"))
-      return {200, json{{"name", "w"}, {"state", "draining"}}.dump()};
+    if (request.path == "/v1/jobs/validate") return {200, R"({"valid": true, "spec": {}, "warnings": ["odd"]})"};
+    if (request.path.starts_with("/v1/workers/")) return {200, json{{"name", "w"}, {"state", "draining"}}.dump()};
     if (request.path == "/v1/jobs/pool-3/resume")
       return {
           409,
@@ -141,8 +138,7 @@ TEST_F(SteerCommands, ListsAreFiltered) {
 }
 
 TEST_F(SteerCommands, AJobFileIsCheckedHereAndThere) {
-  std::ofstream(temp_ / "glass.toml")
-      << "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n";
+  std::ofstream(temp_ / "glass.toml") << "spec_version = 1\n[job]\nname = \"glass\"\n[scene]\nfile = \"a.gltf\"\n";
   std::ofstream(temp_ / "a.gltf") << R"({"asset": {"version": "2.0"}})";
   ASSERT_EQ(run({"validate", (temp_ / "glass.toml").string()}), 0) << err_.str();
   EXPECT_NE(out_.str().find("valid"), std::string::npos);
@@ -193,8 +189,7 @@ TEST_F(SteerCommands, EveryShellGetsEveryCommand) {
     ASSERT_EQ(run({"completion", shell}), 0) << err_.str();
     for (const Command& command : commands())
       EXPECT_NE(out_.str().find(command.name), std::string::npos) << shell << command.name;
-    EXPECT_NE(out_.str().find(std::string(shell) == "fish" ? "-l discard" : "--discard"), std::string::npos)
-        << shell;
+    EXPECT_NE(out_.str().find(std::string(shell) == "fish" ? "-l discard" : "--discard"), std::string::npos) << shell;
   }
   EXPECT_EQ(run({"completion", "tcsh"}), 2);
 }

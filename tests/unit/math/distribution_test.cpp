@@ -38,8 +38,7 @@ TEST(Distribution1D, StretchesTheRestOfTheNumberOverTheItem) {
 
 TEST(Distribution1D, NeverPicksWhatHasNoWeightEvenAtTheEnds) {
   const Distribution1D distribution(std::vector<float>{0.0f, 2.0f, 0.0f, 0.0f});
-  for (const float u : {0.0f, 1e-30f, 0.5f, 0x1.fffffep-1f, 1.0f})
-    EXPECT_EQ(distribution.sample(u)->index, 1u);
+  for (const float u : {0.0f, 1e-30f, 0.5f, 0x1.fffffep-1f, 1.0f}) EXPECT_EQ(distribution.sample(u)->index, 1u);
 }
 
 TEST(Distribution1D, TakesNegativeAndNonFiniteWeightsAsZeroAndIsEmptyWithoutAny) {
@@ -78,8 +77,7 @@ TEST(Distribution2D, SamplesAndProbabilitiesAgreeWithTheWeights) {
     if (weights[i] == 0.0f) {
       EXPECT_EQ(counts[i], 0.0);
     } else {
-      chi2 += (counts[i] - probability * kSamples) * (counts[i] - probability * kSamples) /
-              (probability * kSamples);
+      chi2 += (counts[i] - probability * kSamples) * (counts[i] - probability * kSamples) / (probability * kSamples);
     }
   }
   EXPECT_NEAR(total_probability, 1.0, 1e-6);

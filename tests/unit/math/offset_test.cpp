@@ -26,8 +26,7 @@ TEST(OffsetRayOrigin, LeavesTheSurfaceOnTheSideOfTheRayAtEveryScale) {
   for (int i = 0; i < 20000; ++i) {
     const float scale = std::pow(10.0f, -4.0f + 9.0f * rng.next1());
     const Vec3f shift = sample_sphere(rng.next2()) * (scale * 3.0f * rng.next1());
-    const Vec3f p0 = shift + sample_sphere(rng.next2()) * scale,
-                p1 = shift + sample_sphere(rng.next2()) * scale,
+    const Vec3f p0 = shift + sample_sphere(rng.next2()) * scale, p1 = shift + sample_sphere(rng.next2()) * scale,
                 p2 = shift + sample_sphere(rng.next2()) * scale;
     const Vec3f normal = cross(p1 - p0, p2 - p0);
     if (length(normal) < 0.05f * scale * scale) continue;

@@ -35,9 +35,12 @@ TEST(PathRng, DependsOnEveryPartOfItsName) {
   const auto first = [](std::uint64_t seed, Stream s, std::uint64_t pass, std::uint32_t path) {
     return PathRng(seed, s, pass, path).next1();
   };
-  std::set<float> values{first(1, Stream::kPhoton, 0, 0), first(2, Stream::kPhoton, 0, 0),
-                         first(1, Stream::kEye, 0, 0),    first(1, Stream::kPhoton, 1, 0),
-                         first(1, Stream::kPhoton, 0, 1), first(1, Stream::kPhoton, 1ull << 33, 0),
+  std::set<float> values{first(1, Stream::kPhoton, 0, 0),
+                         first(2, Stream::kPhoton, 0, 0),
+                         first(1, Stream::kEye, 0, 0),
+                         first(1, Stream::kPhoton, 1, 0),
+                         first(1, Stream::kPhoton, 0, 1),
+                         first(1, Stream::kPhoton, 1ull << 33, 0),
                          first(1ull << 40, Stream::kPhoton, 0, 0)};
   EXPECT_EQ(values.size(), 7u);
 }

@@ -1,5 +1,5 @@
-#include "common/math/lane_sampling.h"
 #include "common/math/sampling.h"
+#include "common/math/lane_sampling.h"
 
 #include <gtest/gtest.h>
 

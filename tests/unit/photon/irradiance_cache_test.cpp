@@ -51,10 +51,8 @@ TEST(IrradianceCache, ReadsExactlyTheRecordsThatBruteForceReads) {
     double weights = 0.0;
     Imath::V3d sum(0.0);
     for (const IrradianceRecord& record : cache.records()) {
-      const double w =
-          double{IrradianceCache::weight(record, where.position, where.normal, kError * tightness)};
-      const Rgb value = record.irradiance +
-                        change_along(record.rotation, cross(record.normal, where.normal)) +
+      const double w = double{IrradianceCache::weight(record, where.position, where.normal, kError * tightness)};
+      const Rgb value = record.irradiance + change_along(record.rotation, cross(record.normal, where.normal)) +
                         change_along(record.translation, where.position - record.position);
       sum += Imath::V3d(std::max(value.x, 0.0f), std::max(value.y, 0.0f), std::max(value.z, 0.0f)) * w;
       weights += w;
@@ -86,8 +84,7 @@ TEST(IrradianceCache, ReadsARecordBackWhereItLies) {
   const Vec3f bent = normalize(record.normal + Vec3f{0.02f, 0, 0.01f});
   const auto turned = cache.interpolate(record.position, bent);
   ASSERT_TRUE(turned);
-  EXPECT_LT(length(*turned - record.irradiance - change_along(record.rotation, cross(record.normal, bent))),
-            1e-6f);
+  EXPECT_LT(length(*turned - record.irradiance - change_along(record.rotation, cross(record.normal, bent))), 1e-6f);
 }
 
 TEST(IrradianceCache, DoesNotReadWhatLiesInFrontOrFacesElsewhere) {
@@ -150,8 +147,7 @@ TEST(IrradianceCache, TakesRecordsBackAsTheyWere) {
   PathRng rng(4, Stream::kTest, 0, 1);
   for (int i = 0; i < 2000; ++i) {
     const IrradianceRecord where = some_record(rng, i);
-    const auto a = cache.interpolate(where.position, where.normal),
-               b = copy.interpolate(where.position, where.normal);
+    const auto a = cache.interpolate(where.position, where.normal), b = copy.interpolate(where.position, where.normal);
     ASSERT_EQ(a.has_value(), b.has_value());
     // Cells may hold records that shrank since in another order.
     if (a) {

@@ -100,8 +100,7 @@ TEST(IrradianceFile, SaysWhatIsWrongBelowARightChecksum) {
   file = some_file(1);
   file.grid.rings = 4000;  // promises more cells than there are bytes
   file.grid.sectors = 4000;
-  EXPECT_NE(message_of(file).find("number of records; expected at most 0"), std::string::npos)
-      << message_of(file);
+  EXPECT_NE(message_of(file).find("number of records; expected at most 0"), std::string::npos) << message_of(file);
 }
 
 TEST(IrradianceFile, RoundsReachesUpByLessThanAHundredth) {

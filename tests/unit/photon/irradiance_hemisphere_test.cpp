@@ -88,9 +88,9 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
     const Frame frame = Frame::from_normal(normal);
     double steepest = 0.0;
     for (const Vec3f& t : {frame.t, frame.b}) {
-      const double slope = (rectangle_irradiance(point + t * kStep, normal) -
-                            rectangle_irradiance(point - t * kStep, normal)) /
-                           (2.0 * double{kStep});
+      const double slope =
+          (rectangle_irradiance(point + t * kStep, normal) - rectangle_irradiance(point - t * kStep, normal)) /
+          (2.0 * double{kStep});
       steepest = std::max(steepest, std::abs(slope));
     }
     for (const Vec3f& t : {frame.t, frame.b}) {
@@ -102,9 +102,9 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
           sum += means.translation[axis][run] * double{t[static_cast<int>(axis)]};
         along.push_back(sum);
       }
-      const double slope = (rectangle_irradiance(point + t * kStep, normal) -
-                            rectangle_irradiance(point - t * kStep, normal)) /
-                           (2.0 * double{kStep});
+      const double slope =
+          (rectangle_irradiance(point + t * kStep, normal) - rectangle_irradiance(point - t * kStep, normal)) /
+          (2.0 * double{kStep});
       EXPECT_TRUE(test::agrees(test::estimate(along), slope, kGridBias * steepest));
       // Turning towards a tangent.
       std::vector<double> turning;
@@ -118,8 +118,7 @@ TEST(IrradianceHemisphere, GradientsUnderARectangularLampAreThoseOfLambertsFormu
       }
       const auto turned = [&](float by) { return rectangle_irradiance(point, normalize(normal + t * by)); };
       const double change = (turned(kStep) - turned(-kStep)) / (2.0 * double{kStep});
-      EXPECT_TRUE(
-          test::agrees(test::estimate(turning), change, kGridBias * rectangle_irradiance(point, normal)));
+      EXPECT_TRUE(test::agrees(test::estimate(turning), change, kGridBias * rectangle_irradiance(point, normal)));
     }
   }
 }
@@ -149,13 +148,11 @@ TEST(IrradianceHemisphere, GradientsInACubeOfSmoothLightAreFiniteDifferences) {
       (irradiance_at(point + x * kStep, frame) - irradiance_at(point - x * kStep, frame)) / (2.0f * kStep);
   const auto turned_frame = [&](float by) { return Frame::from_normal(normalize(Vec3f{by, 1.0f, 0.0f})); };
   const Rgb turned =
-      (irradiance_at(point, turned_frame(kStep)) - irradiance_at(point, turned_frame(-kStep))) /
-      (2.0f * kStep);
+      (irradiance_at(point, turned_frame(kStep)) - irradiance_at(point, turned_frame(-kStep))) / (2.0f * kStep);
   std::array<std::vector<double>, 3> translation, rotation;
   for (std::uint32_t run = 0; run < 40; ++run) {
     PathRng rng(3, Stream::kTest, 2, run);
-    const auto estimate =
-        estimate_irradiance(sample(HemisphereGrid::of_rays(1024), point, frame, rng, cube), frame);
+    const auto estimate = estimate_irradiance(sample(HemisphereGrid::of_rays(1024), point, frame, rng, cube), frame);
     const Rgb along = change_along(estimate.translation, x);
     const Rgb turn = change_along(estimate.rotation, cross(Vec3f{0, 1, 0}, x));
     for (std::size_t c = 0; c < 3; ++c) {
@@ -197,8 +194,7 @@ TEST(IrradianceHemisphere, CellsOfAGridShareTheHemisphereEvenly) {
     }
     // Corners of neighbouring cells meet: the cells tile the disc below the hemisphere.
     for (std::uint32_t cell = 0; cell + grid.sectors < grid.cells(); ++cell) {
-      const Vec3f outer = grid.direction(cell, {1.0f, 0.5f}),
-                  inner = grid.direction(cell + grid.sectors, {0.0f, 0.5f});
+      const Vec3f outer = grid.direction(cell, {1.0f, 0.5f}), inner = grid.direction(cell + grid.sectors, {0.0f, 0.5f});
       ASSERT_LT(length(outer - inner), 1e-5f);
     }
   }

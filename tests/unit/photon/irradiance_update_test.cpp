@@ -101,8 +101,8 @@ TEST(ChangedLight, OfALampStaysInItsRoom) {
   const SceneMaker without = two_rooms(false), with = two_rooms(true);
   for (const bool added : {true, false}) {
     const auto scene = (added ? with : without).build();
-    const SceneChange change = added ? change_between(parts_of(without), parts_of(with))
-                                     : change_between(parts_of(with), parts_of(without));
+    const SceneChange change =
+        added ? change_between(parts_of(without), parts_of(with)) : change_between(parts_of(with), parts_of(without));
     EXPECT_EQ(change.gone_lights.size(), added ? 0u : 1u);
     const ChangedLight light(*scene, change, 0, 1);
     for (float z = -0.9f; z < 1.0f; z += 0.3f) {
@@ -143,8 +143,7 @@ TEST(ChangedPart, CountsRaysThatCrossAndWhatOthersSee) {
     IrradianceRecord record;
     record.position = position;
     record.normal = {0, 1, 0};
-    HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 1, 1}),
-                              std::vector<float>(grid.cells())};
+    HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 1, 1}), std::vector<float>(grid.cells())};
     for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
       PathRng rng(9, Stream::kIrradiance, 0, cell);
       const Vec3f direction = Frame::from_normal(record.normal).to_world(grid.direction(cell, rng.next2()));

@@ -40,7 +40,8 @@ SurfaceShape sphere_shape(const Vec3f& normal, float radius) {
   return {frame.t, frame.b, frame.t * (1.0f / radius), frame.b * (1.0f / radius)};
 }
 
-/// Checks the derivatives of a path against those of `follow`, which takes a start to where the path goes on in the end.
+/// Checks the derivatives of a path against those of `follow`, which takes a start to where the path goes on in the
+/// end.
 void expect_derivatives(const Line& start, const PhotonDifferential& from, const PhotonDifferential& to,
                         const std::function<Line(const Line&)>& follow) {
   const Line end = follow(start);
@@ -48,7 +49,8 @@ void expect_derivatives(const Line& start, const PhotonDifferential& from, const
   const double step = 1e-5;
   for (std::size_t k = 0; k < PhotonDifferential::kAxes; ++k) {
     const auto moved = [&](double s) {
-      return follow({start.origin + Vec3d(from.position(k)) * s, (start.direction + Vec3d(from.direction(k)) * s).normalized()});
+      return follow(
+          {start.origin + Vec3d(from.position(k)) * s, (start.direction + Vec3d(from.direction(k)) * s).normalized()});
     };
     const Line plus = moved(step), minus = moved(-step);
     // Origins are compared across the ray.
@@ -131,15 +133,17 @@ TEST(PhotonDifferential, FollowsRefractionThroughAGlassBall) {
               Vec3f(within.direction));
     expect_derivatives(start.line, start.differential, d, enter);
     d.advance(static_cast<float>((end.origin - within.origin).length()));
-    d.refract(Vec3f(end.origin), Vec3f(end.origin), sphere_shape(Vec3f(end.origin), 1.0f), 1.5f, 1.0f, Vec3f(end.direction));
+    d.refract(Vec3f(end.origin), Vec3f(end.origin), sphere_shape(Vec3f(end.origin), 1.0f), 1.5f, 1.0f,
+              Vec3f(end.direction));
     expect_derivatives(start.line, start.differential, d, [&](const Line& l) { return leave(enter(l)); });
     // And on to a plane across the ray, where it is the footprint.
     d.advance(0.7f);
     expect_derivatives(start.line, start.differential, d, [&](const Line& l) {
       const Line out = leave(enter(l));
       const Vec3d at = end.origin + end.direction * 0.7;
-      return Line{out.origin + out.direction * ((at - out.origin).dot(end.direction) / out.direction.dot(end.direction)),
-                  out.direction};
+      return Line{
+          out.origin + out.direction * ((at - out.origin).dot(end.direction) / out.direction.dot(end.direction)),
+          out.direction};
     });
   }
 }

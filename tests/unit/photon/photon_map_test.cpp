@@ -43,8 +43,8 @@ PhotonMap map_of(const Photons& photons) {
 
 NearestQuery some_query(PathRng& rng, int i) {
   NearestQuery q;
-  q.position = Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} *
-               (i % 2 == 0 ? 1.0f : 0.02f);
+  q.position =
+      Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} * (i % 2 == 0 ? 1.0f : 0.02f);
   if (i % 9 == 0) q.position = {0.25f, 0.0f, 0.25f};
   const float radius = i % 4 == 0 ? 0.01f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? kInfinity : 0.05f;
   q.max_distance2 = radius * radius;
@@ -155,14 +155,12 @@ TEST(PhotonMap, HasTheSameBytesOnAnyNumberOfThreads) {
   const Photons photons = some_photons(50000);
   std::vector<StoredPhoton> first;
   for (const int threads : {1, 2, 5}) {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
     const PhotonMap map = arena.execute([&] { return map_of(photons); });
     if (first.empty()) first.assign(map.photons().begin(), map.photons().end());
     ASSERT_EQ(first.size(), map.size());
-    EXPECT_EQ(std::memcmp(first.data(), map.photons().data(), first.size() * sizeof(StoredPhoton)), 0)
-        << threads;
+    EXPECT_EQ(std::memcmp(first.data(), map.photons().data(), first.size() * sizeof(StoredPhoton)), 0) << threads;
   }
 }
 
@@ -256,8 +254,7 @@ TEST(MapFilter, HasThePapersShapes) {
   };
   for (const double u2 : {0.0, 0.1, 0.37, 0.5, 0.81, 1.0}) {
     const double u = std::sqrt(u2);
-    EXPECT_NEAR(static_cast<double>(cone.weight(static_cast<float>(u2)) / cone.weight(0.0f)), 1.0 - u / 1.1,
-                1e-6);
+    EXPECT_NEAR(static_cast<double>(cone.weight(static_cast<float>(u2)) / cone.weight(0.0f)), 1.0 - u / 1.1, 1e-6);
     EXPECT_NEAR(static_cast<double>(gaussian.weight(static_cast<float>(u2)) / gaussian.weight(0.0f)),
                 pavicic(u2) / pavicic(0.0), 1e-6);
   }

@@ -50,8 +50,8 @@ TEST(PhotonRays, EndWherePhotonTracerStoresPhotons) {
   }
 }
 
-/// The kernels' areas at a plane against how many rays really cross a square metre of it: where all paths are like each other
-/// the one is the count times the other.
+/// The kernels' areas at a plane against how many rays really cross a square metre of it: where all paths are like each
+/// other the one is the count times the other.
 double density_ratio(const Scene& scene, std::uint32_t paths, float height, float half) {
   const PhotonRays rays(scene, {7, paths, 3}, true);
   double crossing = 0.0, expected = 0.0;
@@ -94,9 +94,15 @@ TEST(PhotonRays, ADirectionalLightAndASpotHaveTheirOwnDensities) {
     light(maker);
     return maker.build();
   };
-  EXPECT_NEAR(density_ratio(*with([](SceneMaker& m) { m.directional_light({0, 1, 0}, 1.0f); }), 400000, 0.01f, 0.3f), 1.0, 0.03);
-  EXPECT_NEAR(density_ratio(*with([](SceneMaker& m) { m.spot_light({0, 1, 0}, {0, 1, 0}, 1.0f, 0.9f, 0.8f); }), 400000, 0.01f,
-                            0.2f),
+  EXPECT_NEAR(density_ratio(*with([](SceneMaker& m) {
+                m.directional_light({0, 1, 0}, 1.0f);
+              }),
+                            400000, 0.01f, 0.3f),
+              1.0, 0.03);
+  EXPECT_NEAR(density_ratio(*with([](SceneMaker& m) {
+                m.spot_light({0, 1, 0}, {0, 1, 0}, 1.0f, 0.9f, 0.8f);
+              }),
+                            400000, 0.01f, 0.2f),
               1.0, 0.03);
 }
 

@@ -34,7 +34,8 @@ Photons some_photons(int count) {
 bool accepts(const DiscQuery& q, const Photon& photon) {
   const Vec3f d = photon.position - q.position;
   if (d.x * d.x + d.y * d.y + d.z * d.z > q.radius2) return false;
-  if (std::abs(d.x * q.normal.x + d.y * q.normal.y + d.z * q.normal.z) > kPlaneTolerance * std::sqrt(q.radius2)) return false;
+  if (std::abs(d.x * q.normal.x + d.y * q.normal.y + d.z * q.normal.z) > kPlaneTolerance * std::sqrt(q.radius2))
+    return false;
   const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k))); };
   float facing = byte(0) * q.normal.x + byte(1) * q.normal.y + byte(2) * q.normal.z;
   if (q.both_sides) facing = std::abs(facing);
@@ -67,7 +68,8 @@ TEST_P(PhotonTreeOfSize, FindsExactlyWhatBruteForceFinds) {
   PathRng rng(5, Stream::kTest, 0, 1);
   for (int i = 0; i < 400; ++i) {
     DiscQuery q;
-    q.position = Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} * (i % 2 == 0 ? 1.0f : 0.02f);
+    q.position =
+        Vec3f{rng.next1() - 0.5f, 0.02f * (rng.next1() - 0.5f), rng.next1() - 0.5f} * (i % 2 == 0 ? 1.0f : 0.02f);
     // Neighbouring queries whose radii differ by a factor of a hundred, some of them reaching over all photons.
     const float radius = i % 4 == 0 ? 0.003f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? 3.0f : 0.03f;
     q.radius2 = radius * radius;
@@ -96,7 +98,8 @@ TEST_P(PhotonTreeOfSize, ACursorFindsExactlyWhatTheTreeFinds) {
     PathRng rng(7, Stream::kTest, 0, 3);
     Vec3f at{0, 0, 0};
     for (int i = 0; i < 3000; ++i) {
-      // Small steps as from pixel to pixel, now and then a jump, and radii that change by a factor of a hundred in between.
+      // Small steps as from pixel to pixel, now and then a jump, and radii that change by a factor of a hundred in
+      // between.
       const float step = i % 100 == 0 ? 1.0f : 0.004f;
       at += Vec3f{rng.next1() - 0.5f, 0.0f, rng.next1() - 0.5f} * step;
       const float radius = i / 37 % 3 == 0 ? 0.002f : i / 37 % 3 == 1 ? 0.02f : 0.2f;

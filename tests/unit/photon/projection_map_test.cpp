@@ -101,9 +101,8 @@ TEST_P(ProjectionMapOf, LosesFewerPhotonsAndKeepsTheMeanFlux) {
   RecordProperty("lost_with", static_cast<int>(lost_with));
 }
 
-INSTANTIATE_TEST_SUITE_P(Lights, ProjectionMapOf, testing::Bool(), [](const auto& param) {
-  return param.param ? "WithEnvironment" : "WithoutEnvironment";
-});
+INSTANTIATE_TEST_SUITE_P(Lights, ProjectionMapOf, testing::Bool(),
+                         [](const auto& param) { return param.param ? "WithEnvironment" : "WithoutEnvironment"; });
 
 TEST(ProjectionMap, CausticPhotonsThroughSpecularCellsKeepTheirMeanFlux) {
   const auto scene = sparse_scene(false);

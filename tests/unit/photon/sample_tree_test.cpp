@@ -35,7 +35,8 @@ std::vector<SplatSample> some_samples(std::size_t count, std::uint32_t seed, con
   return samples;
 }
 
-/// Cones, cylinders and ellipses with a focus; long and short, wide and narrow; with and without surfaces at their ends.
+/// Cones, cylinders and ellipses with a focus; long and short, wide and narrow; with and without surfaces at their
+/// ends.
 RayKernel some_ray(PathRng& rng, const Vec3f& offset) {
   const Vec3f direction = rng.next1() < 0.1f ? Vec3f(0, -1, 0) : sample_sphere(rng.next2());
   const Frame frame = Frame::from_normal(direction);
@@ -61,7 +62,8 @@ RayKernel some_ray(PathRng& rng, const Vec3f& offset) {
 
 TEST(SampleTree, FindsExactlyWhatBruteForceFinds) {
   std::size_t found_in_all = 0;
-  for (const std::size_t count : {std::size_t{0}, std::size_t{1}, std::size_t{7}, std::size_t{100}, std::size_t{20000}}) {
+  for (const std::size_t count :
+       {std::size_t{0}, std::size_t{1}, std::size_t{7}, std::size_t{100}, std::size_t{20000}}) {
     for (const Vec3f& offset : {Vec3f(0.0f), Vec3f(-300.0f, 40.0f, 1000.0f)}) {
       const SampleTree tree(some_samples(count, 5, offset));
       ASSERT_EQ(tree.samples().size(), count);

@@ -21,7 +21,8 @@ SplatSample facing(const Vec3f& position, const Vec3f& normal) {
 }
 
 /// A ray down the z axis whose kernel is an ellipse of these half axes all along.
-RayKernel straight(float a, float b, const RayKernel::Plane& start = {}, const RayKernel::Plane& end = {}, float length = 1.0f) {
+RayKernel straight(float a, float b, const RayKernel::Plane& start = {}, const RayKernel::Plane& end = {},
+                   float length = 1.0f) {
   return RayKernel({0, 0, 1}, {0, 0, -1}, length, {1, 0, 0}, {0, 1, 0}, {a * a, 0, b * b}, {}, {}, start, end);
 }
 
@@ -49,7 +50,8 @@ TEST(KernelProfile, KnowsItsPartBeyondALine) {
       for (int i = 0; i < kSteps; ++i) {
         for (int j = 0; j < kSteps; ++j) {
           const double x = 2.0 * (i + 0.5) / kSteps - 1.0, y = 2.0 * (j + 0.5) / kSteps - 1.0;
-          if (x > double{s}) sum += double{f(static_cast<float>(x * x + y * y))} * 4.0 / (kSteps * double{kSteps} * std::numbers::pi);
+          if (x > double{s})
+            sum += double{f(static_cast<float>(x * x + y * y))} * 4.0 / (kSteps * double{kSteps} * std::numbers::pi);
         }
       }
       EXPECT_NEAR(double{f.beyond(s)}, sum, 1e-3) << static_cast<int>(kind) << ' ' << s;
@@ -67,8 +69,8 @@ TEST(KernelProfile, FallsFromTheAxisToTheRim) {
 }
 
 TEST(RayKernel, SpreadsAllOfItsFluxAcrossTheRayWhateverItsShape) {
-  // Samples on a plane across the ray: the kernel's integral over the plane is one, for circles, ellipses, turned ellipses,
-  // and with the eye's own footprint added.
+  // Samples on a plane across the ray: the kernel's integral over the plane is one, for circles, ellipses, turned
+  // ellipses, and with the eye's own footprint added.
   const Spread turned{0.010f, 0.004f, 0.003f};
   for (const float least : {0.0f, 0.05f}) {
     for (const SplatKernel kind : kKernels) {
@@ -90,7 +92,8 @@ TEST(RayKernel, SpreadsAllOfItsFluxAcrossTheRayWhateverItsShape) {
 }
 
 TEST(RayKernel, BringsAllOfItsFluxToATiltedSurfaceThatItMeets) {
-  // Integral over the surface of kernel times cosine: one, however slanted, also where the eye's footprint is the wider part.
+  // Integral over the surface of kernel times cosine: one, however slanted, also where the eye's footprint is the wider
+  // part.
   for (const float least : {0.0f, 0.1f}) {
     for (const float slope : {0.0f, 1.0f, 5.0f}) {
       const Vec3f normal = normalize(Vec3f{slope, 0.0f, 1.0f});
@@ -102,10 +105,12 @@ TEST(RayKernel, BringsAllOfItsFluxToATiltedSurfaceThatItMeets) {
       double sum = 0.0;
       for (int i = 0; i < kSteps * kSteps; ++i) {
         const auto at = [&](int k) { return 2.0f * (static_cast<float>(k) + 0.5f) / kSteps - 1.0f; };
-        SplatSample sample = facing(along * (half_u * at(i % kSteps)) + Vec3f(0.0f, half_v * at(i / kSteps), 0.0f), normal);
+        SplatSample sample =
+            facing(along * (half_u * at(i % kSteps)) + Vec3f(0.0f, half_v * at(i / kSteps), 0.0f), normal);
         sample.least_radius = least;
         const auto meeting = kernel.meet(sample);
-        if (meeting) sum += double{f(meeting->u2) / meeting->area * normal.z} * 4.0 * double{half_u * half_v} / (kSteps * kSteps);
+        if (meeting)
+          sum += double{f(meeting->u2) / meeting->area * normal.z} * 4.0 * double{half_u * half_v} / (kSteps * kSteps);
       }
       EXPECT_NEAR(sum, 1.0, 3e-3) << slope << " " << least;
     }

@@ -26,7 +26,8 @@ const Decision& decision(const Plan& plan, std::string_view subject) {
 }
 
 bool weighs(const Plan& plan, IntegratorType method) {
-  return std::any_of(plan.candidates.begin(), plan.candidates.end(), [&](const Candidate& c) { return c.method == method; });
+  return std::any_of(plan.candidates.begin(), plan.candidates.end(),
+                     [&](const Candidate& c) { return c.method == method; });
 }
 
 /// A pilot of a plain scene, half of whose light is indirect: tests change what shall decide.
@@ -116,7 +117,7 @@ TEST(Plan, AimsPhotonsOnlyWhereTheLampsSeeLittle) {
 
 TEST(Plan, CachesIrradianceOnlyOnDiffuseSmoothAndLargeSurfaces) {
   Pilot pilot = plain_pilot();
-  pilot.path_noise = 100;                // light through a keyhole ...
+  pilot.path_noise = 100;  // light through a keyhole ...
   pilot.direct_noise = 0.001;
   pilot.photon_noise[kIndirect] = 0.16;  // ... that few photons find
   JobSpec spec = auto_job();
@@ -167,9 +168,9 @@ TEST(Plan, KeepsWhatTheJobSaysOutright) {
   EXPECT_EQ(on.resolve(spec).photon_map.projection_map, Switch::kOn);
   spec.photon_map.caustic_map = Switch::kOff;
   EXPECT_FALSE(planned(maker, spec).caustic_map);
-  for (const IntegratorType type : {IntegratorType::kPath, IntegratorType::kPhotonMap, IntegratorType::kFinalGather,
-                                    IntegratorType::kIrradianceCache, IntegratorType::kPhotonSplat, IntegratorType::kPpm,
-                                    IntegratorType::kSppm}) {
+  for (const IntegratorType type :
+       {IntegratorType::kPath, IntegratorType::kPhotonMap, IntegratorType::kFinalGather,
+        IntegratorType::kIrradianceCache, IntegratorType::kPhotonSplat, IntegratorType::kPpm, IntegratorType::kSppm}) {
     EXPECT_EQ(planned(plain_pilot(), auto_job(type)).algorithm, type);
   }
 }
@@ -178,8 +179,8 @@ TEST(Plan, SwitchesOnOnlyTheTermsThatTheSceneNeeds) {
   SceneMaker maker = bare_floor();
   maker.point_light({0, 5, 0}, 1);
   const Plan bare = planned(maker);
-  EXPECT_FALSE(bare.environment || bare.textures || bare.normal_maps || bare.alpha || bare.rough_lobes ||
-               bare.media || bare.depth_of_field);
+  EXPECT_FALSE(bare.environment || bare.textures || bare.normal_maps || bare.alpha || bare.rough_lobes || bare.media ||
+               bare.depth_of_field);
 
   SceneFacts facts = gather_facts(maker.description);
   facts.lights.environment = true;
@@ -188,8 +189,8 @@ TEST(Plan, SwitchesOnOnlyTheTermsThatTheSceneNeeds) {
   JobSpec spec = auto_job();
   spec.scene.lens_radius = 0.01;
   const Plan full = make_plan(spec, facts, plain_pilot());
-  EXPECT_TRUE(full.environment && full.textures && full.normal_maps && full.alpha && full.rough_lobes &&
-              full.media && full.depth_of_field);
+  EXPECT_TRUE(full.environment && full.textures && full.normal_maps && full.alpha && full.rough_lobes && full.media &&
+              full.depth_of_field);
 }
 
 TEST(Plan, GivesEveryDecisionAReason) {

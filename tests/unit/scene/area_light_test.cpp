@@ -16,8 +16,7 @@ TEST(AreaLight, EverySampleOfASolidAngleIsEquallyLikely) {
   // The mean of 1/pdf is the solid angle; and the counts over a grid of directions fit the density.
   const Vec3f p(0.2f, 0, 0.1f);
   for (const bool rectangle : {true, false}) {
-    const Vec3f corner(-0.4f, 0.5f, -0.3f), u(1, 0, 0),
-        v = rectangle ? Vec3f(0, 0.2f, 0.8f) : Vec3f(0.4f, 0.2f, 0.8f);
+    const Vec3f corner(-0.4f, 0.5f, -0.3f), u(1, 0, 0), v = rectangle ? Vec3f(0, 0.2f, 0.8f) : Vec3f(0.4f, 0.2f, 0.8f);
     const Lights lights = make(quad(corner, u, v, Rgb(1.0f), true));
     const Vec3d o = Vec3d(corner) - Vec3d(p), eu(u), ev(v);
     const double solid_angle =
@@ -32,8 +31,7 @@ TEST(AreaLight, EverySampleOfASolidAngleIsEquallyLikely) {
       // Position on the parallelogram by least squares.
       const Vec3d q = Vec3d(p + s->sample.wi * s->sample.distance) - Vec3d(corner);
       const double uu = eu.dot(eu), uv = eu.dot(ev), vv = ev.dot(ev), qu = q.dot(eu), qv = q.dot(ev);
-      const double a = (qu * vv - qv * uv) / (uu * vv - uv * uv),
-                   b = (qv * uu - qu * uv) / (uu * vv - uv * uv);
+      const double a = (qu * vv - qv * uv) / (uu * vv - uv * uv), b = (qv * uu - qu * uv) / (uu * vv - uv * uv);
       const auto cell = [](double x) { return std::clamp(static_cast<int>(x * kGrid), 0, kGrid - 1); };
       counts[static_cast<std::size_t>(cell(b) * kGrid + cell(a))] += 1.0;
     }
@@ -42,8 +40,7 @@ TEST(AreaLight, EverySampleOfASolidAngleIsEquallyLikely) {
       for (int x = 0; x < kGrid; ++x) {
         const Vec3d c = o + eu * (static_cast<double>(x) / kGrid) + ev * (static_cast<double>(y) / kGrid);
         const Vec3d du = eu / kGrid, dv = ev / kGrid;
-        const double cell =
-            triangle_solid_angle(c, c + du, c + dv) + triangle_solid_angle(c + du + dv, c + dv, c + du);
+        const double cell = triangle_solid_angle(c, c + du, c + dv) + triangle_solid_angle(c + du + dv, c + dv, c + du);
         const double mean = cell / solid_angle * kSamples;
         const double count = counts[static_cast<std::size_t>(y * kGrid + x)];
         chi2 += (count - mean) * (count - mean) / mean;

@@ -1,5 +1,5 @@
-#include "tests/support/paths.h"
 #include "worker/scene/environment.h"
+#include "tests/support/paths.h"
 
 #include <chrono>
 #include <cmath>
@@ -67,8 +67,7 @@ TEST(Environment, LooksAlongMinusZInTheMiddleAndUpAtTheTop) {
   const HdrFile file(4, 2, pixels);
   const EnvironmentMap map = load(file.path());
   const auto column = [&](float x, float y, float z) {
-    return static_cast<int>(
-        std::lround((map.radiance(normalize(Vec3f(x, y, z))).x * 128.0f - 128.0f) / 8.0f));
+    return static_cast<int>(std::lround((map.radiance(normalize(Vec3f(x, y, z))).x * 128.0f - 128.0f) / 8.0f));
   };
   // u = 0 and 1 look along +z, 0.25 along -x, 0.5 along -z, 0.75 along +x.
   EXPECT_EQ(column(-1.0f, 1.0f, 1.0f), 0);
@@ -89,8 +88,7 @@ void check_consistency(const EnvironmentMap& map, int samples) {
   Imath::V3d total(0.0);
   for (int t = 0; t < kTheta * kFine; ++t) {
     for (int f = 0; f < kPhi * kFine; ++f) {
-      const double low = std::cos(M_PI * t / (kTheta * kFine)),
-                   high = std::cos(M_PI * (t + 1) / (kTheta * kFine));
+      const double low = std::cos(M_PI * t / (kTheta * kFine)), high = std::cos(M_PI * (t + 1) / (kTheta * kFine));
       const double theta = M_PI * (t + 0.5) / (kTheta * kFine), phi = 2.0 * M_PI * (f + 0.5) / (kPhi * kFine);
       const Vec3f d(static_cast<float>(std::sin(theta) * std::sin(phi)), static_cast<float>(std::cos(theta)),
                     static_cast<float>(-std::sin(theta) * std::cos(phi)));
@@ -138,9 +136,8 @@ TEST(Environment, SamplesDensitiesAndTotalOfAMapAgree) {
   // 16 x 8: one very bright pixel, some black, the poles included. All pixels align with the test's cells.
   std::vector<std::array<unsigned char, 4>> pixels;
   for (int i = 0; i < 128; ++i) {
-    pixels.push_back(i == 37
-                         ? rgbe(255, 250, 240, 133)
-                         : (i % 5 == 0 ? rgbe(0, 0, 0, 0) : rgbe(static_cast<unsigned char>(i), 130, 200)));
+    pixels.push_back(i == 37 ? rgbe(255, 250, 240, 133)
+                             : (i % 5 == 0 ? rgbe(0, 0, 0, 0) : rgbe(static_cast<unsigned char>(i), 130, 200)));
   }
   const HdrFile file(16, 8, pixels);
   check_consistency(load(file.path(), Rgb(2.0f, 1.0f, 0.5f)), 200000);
@@ -165,9 +162,8 @@ TEST(Environment, EveryRandomNumberGivesADirectionThatEvaluationFindsAgain) {
 TEST(Environment, ReadsTheTestMaps) {
   const std::filesystem::path folder = test::shared_dir() / "scenes/env";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no test maps";
-  for (const char* name :
-       {"royal_esplanade_256/royal_esplanade_256.hdr", "royal_esplanade_1k/royal_esplanade_1k.hdr",
-        "chinese_garden_1k/chinese_garden_1k.hdr", "KernerEnvLatLong/KernerEnvLatLong.exr"}) {
+  for (const char* name : {"royal_esplanade_256/royal_esplanade_256.hdr", "royal_esplanade_1k/royal_esplanade_1k.hdr",
+                           "chinese_garden_1k/chinese_garden_1k.hdr", "KernerEnvLatLong/KernerEnvLatLong.exr"}) {
     SCOPED_TRACE(name);
     const EnvironmentMap map = load((folder / name).string());
     EXPECT_TRUE(map.present());

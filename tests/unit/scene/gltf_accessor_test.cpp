@@ -54,9 +54,7 @@ TEST(GltfAccessor, StripsAndFansBecomeTrianglesOfOneWinding) {
   const Mesh mesh = only_mesh(strip);
   EXPECT_EQ(mesh.triangles, (Triangles{{0, 1, 2}, {1, 3, 2}, {2, 3, 4}}));
   for (const auto& t : mesh.triangles) {
-    EXPECT_GT(
-        cross(mesh.positions[t[1]] - mesh.positions[t[0]], mesh.positions[t[2]] - mesh.positions[t[0]]).z,
-        0.0f);
+    EXPECT_GT(cross(mesh.positions[t[1]] - mesh.positions[t[0]], mesh.positions[t[2]] - mesh.positions[t[0]]).z, 0.0f);
   }
   GltfBuilder fan;
   fan.primitive({{"POSITION", fan.floats({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, "VEC3", 3)}})["mode"] = 6;
@@ -78,11 +76,10 @@ TEST(GltfAccessor, ByteStrideSeparatesInterleavedAttributes) {
 TEST(GltfAccessor, NormalizedIntegersBecomeFractions) {
   GltfBuilder b;
   const int position = b.floats(kTriangle, "VEC3", 3);
-  const int uv = b.accessor(b.view(std::vector<std::uint16_t>{0, 65535, 32768, 0, 65535, 65535}), 5123,
-                            "VEC2", 3, {{"normalized", true}});
-  const int color =
-      b.accessor(b.view(std::vector<std::uint8_t>{255, 0, 51, 0, 0, 255, 0, 0, 0, 0, 255, 0}, 4), 5121,
-                 "VEC3", 3, {{"normalized", true}});
+  const int uv = b.accessor(b.view(std::vector<std::uint16_t>{0, 65535, 32768, 0, 65535, 65535}), 5123, "VEC2", 3,
+                            {{"normalized", true}});
+  const int color = b.accessor(b.view(std::vector<std::uint8_t>{255, 0, 51, 0, 0, 255, 0, 0, 0, 0, 255, 0}, 4), 5121,
+                               "VEC3", 3, {{"normalized", true}});
   b.primitive({{"POSITION", position}, {"TEXCOORD_0", uv}, {"COLOR_0", color}});
   const Mesh mesh = only_mesh(b);
   EXPECT_EQ(mesh.uv[0][0], Vec2f(0, 1));
@@ -93,8 +90,7 @@ TEST(GltfAccessor, NormalizedIntegersBecomeFractions) {
 TEST(GltfAccessor, ColorsMayBeFloatsWithAlpha) {
   GltfBuilder b;
   const int position = b.floats(kTriangle, "VEC3", 3);
-  b.primitive(
-      {{"POSITION", position}, {"COLOR_0", b.floats({1, 0, 0, 0.5f, 0, 1, 0, 1, 0, 0, 1, 0}, "VEC4", 4)}});
+  b.primitive({{"POSITION", position}, {"COLOR_0", b.floats({1, 0, 0, 0.5f, 0, 1, 0, 1, 0, 0, 1, 0}, "VEC4", 4)}});
   EXPECT_EQ(only_mesh(b).colors[0], Vec4f(1, 0, 0, 0.5f));
 }
 

@@ -37,8 +37,7 @@ TEST_P(BadGltf, GivesTheMessageThatItExpects) {
     ASSERT_FALSE(scene.has_value()) << "loaded; expected " << expect;
     EXPECT_EQ(scene.error().kind, ErrorKind::kInvalidInput);
     EXPECT_NE(scene.error().message.find(expect), std::string::npos) << scene.error().message;
-    EXPECT_TRUE(scene.error().message.starts_with(GetParam().generic_string() + ": "))
-        << scene.error().message;
+    EXPECT_TRUE(scene.error().message.starts_with(GetParam().generic_string() + ": ")) << scene.error().message;
     EXPECT_EQ(scene.error().message.find('\n'), std::string::npos);
     return;
   }

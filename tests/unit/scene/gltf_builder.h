@@ -20,8 +20,7 @@ class GltfBuilder {
   template <typename T>
   int view(const std::vector<T>& values, int byte_stride = 0) {
     while (bytes_.size() % 4 != 0) bytes_.push_back(0);
-    nlohmann::json v = {
-        {"buffer", 0}, {"byteOffset", bytes_.size()}, {"byteLength", values.size() * sizeof(T)}};
+    nlohmann::json v = {{"buffer", 0}, {"byteOffset", bytes_.size()}, {"byteLength", values.size() * sizeof(T)}};
     if (byte_stride > 0) v["byteStride"] = byte_stride;
     const auto* begin = reinterpret_cast<const std::uint8_t*>(values.data());
     bytes_.insert(bytes_.end(), begin, begin + values.size() * sizeof(T));

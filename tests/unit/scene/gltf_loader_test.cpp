@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/paths.h"
-#include "tests/unit/scene/gltf_builder.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/scene/gltf_builder.h"
 
 namespace pf {
 namespace {
@@ -35,9 +35,7 @@ SceneDescription load(const GltfBuilder& b) {
   return scene ? std::move(*scene) : SceneDescription{};
 }
 
-void expect_near(const Vec3f& a, const Vec3f& b) {
-  EXPECT_LT((a - b).length(), 1e-5f) << a << " against " << b;
-}
+void expect_near(const Vec3f& a, const Vec3f& b) { EXPECT_LT((a - b).length(), 1e-5f) << a << " against " << b; }
 
 TEST(GltfNodes, ChildTransformsComeBeforeTheirParents) {
   GltfBuilder b = one_triangle();
@@ -112,14 +110,12 @@ TEST(GltfNodes, SceneIsChosenByNameOrIndexAndUnknownOnesListThem) {
 TEST(GltfNodes, SkinPutsVerticesWhereTheirJointsAre) {
   GltfBuilder b;
   const int position = b.floats(kTriangle, "VEC3", 3);
-  const int joints =
-      b.accessor(b.view(std::vector<std::uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0}), 5121, "VEC4", 3);
+  const int joints = b.accessor(b.view(std::vector<std::uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0}), 5121, "VEC4", 3);
   const int weights = b.floats({1, 0, 0, 0, 0.5f, 0.5f, 0, 0, 0, 1, 0, 0}, "VEC4", 4);
   b.primitive({{"POSITION", position}, {"JOINTS_0", joints}, {"WEIGHTS_0", weights}});
   // Inverse bind matrices: the second joint is bound at (0, 0, 1).
   const int bind = b.floats(
-      {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, -1, 1},
-      "MAT4", 16);
+      {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, -1, 1}, "MAT4", 16);
   b.json["skins"] = {{{"joints", {1, 2}}, {"inverseBindMatrices", bind}}};
   b.json["nodes"] = {{{"mesh", 0}, {"skin", 0}, {"translation", {100, 0, 0}}},  // ignored: it is skinned
                      {{"children", {2}}, {"translation", {0, 2, 0}}},
@@ -193,8 +189,7 @@ TEST(GltfLights, StandAndShineWhereTheirNodesSay) {
   b.json["nodes"].push_back({{"translation", {0, 4, 0}},
                              {"rotation", {-h, 0, 0, h}},
                              {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
-  b.json["nodes"].push_back(
-      {{"scale", {3, 3, 3}}, {"extensions", {{"KHR_lights_punctual", {{"light", 1}}}}}});
+  b.json["nodes"].push_back({{"scale", {3, 3, 3}}, {"extensions", {{"KHR_lights_punctual", {{"light", 1}}}}}});
   b.json["scenes"][0]["nodes"] = {0, 1, 2};
   const SceneDescription scene = load(b);
   ASSERT_EQ(scene.lights.size(), 2u);
@@ -211,8 +206,7 @@ TEST(GltfLights, StandAndShineWhereTheirNodesSay) {
 
 TEST(GltfMaterials, FactorsAndExtensionsArrive) {
   GltfBuilder b = one_triangle();
-  for (const char* e :
-       {"emissive_strength", "ior", "transmission", "volume", "clearcoat", "sheen", "specular"}) {
+  for (const char* e : {"emissive_strength", "ior", "transmission", "volume", "clearcoat", "sheen", "specular"}) {
     b.use(std::string("KHR_materials_") + e);
   }
   b.json["meshes"][0]["primitives"][0]["material"] = 0;
@@ -254,8 +248,7 @@ TEST(GltfMaterials, FactorsAndExtensionsArrive) {
   EXPECT_FLOAT_EQ(m.specular, 0.25f);
   expect_near(m.specular_color, Vec3f(2, 1, 1));
   EXPECT_TRUE(has_light(scene));
-  EXPECT_TRUE(scene.warnings.size() <= 1u)
-      << testing::PrintToString(scene.warnings);  // POSITION without min and max
+  EXPECT_TRUE(scene.warnings.size() <= 1u) << testing::PrintToString(scene.warnings);  // POSITION without min and max
 }
 
 TEST(GltfMaterials, OneImageInTwoColourSpacesBecomesTwoTextures) {
@@ -270,8 +263,7 @@ TEST(GltfMaterials, OneImageInTwoColourSpacesBecomesTwoTextures) {
           {{"index", 0},
            {"texCoord", 0},
            {"extensions",
-            {{"KHR_texture_transform",
-              {{"offset", {0.5, 0}}, {"scale", {2, 3}}, {"rotation", 1}, {"texCoord", 1}}}}}}},
+            {{"KHR_texture_transform", {{"offset", {0.5, 0}}, {"scale", {2, 3}}, {"rotation", 1}, {"texCoord", 1}}}}}}},
          {"metallicRoughnessTexture", {{"index", 0}}}}},
        {"emissiveTexture", {{"index", 0}}}}};
   b.json["meshes"][0]["primitives"][0]["material"] = 0;
@@ -321,13 +313,11 @@ TEST(GltfDraco, CountsOtherThanTheAccessorsSayAreRefused) {
   document["accessors"][0]["count"] = 4000000000u;
   const auto huge = load(document);
   ASSERT_FALSE(huge.has_value());
-  EXPECT_NE(huge.error().message.find("far more data than it holds"), std::string::npos)
-      << huge.error().message;
+  EXPECT_NE(huge.error().message.find("far more data than it holds"), std::string::npos) << huge.error().message;
   document["accessors"][0]["count"] = 5;
   const auto wrong = load(document);
   ASSERT_FALSE(wrong.has_value());
-  EXPECT_NE(wrong.error().message.find("hold 4 vertices and 6 indices; the accessors say 5 and 6"),
-            std::string::npos)
+  EXPECT_NE(wrong.error().message.find("hold 4 vertices and 6 indices; the accessors say 5 and 6"), std::string::npos)
       << wrong.error().message;
 }
 
@@ -337,8 +327,7 @@ TEST(GltfFolder, LinksOutOfTheRootAreRefused) {
   fs::create_directories(folder / "job");
   std::ofstream(folder / "secret.bin", std::ios::binary) << std::string(36, '\0');
   fs::create_symlink(folder / "secret.bin", folder / "job/inside.bin");
-  const json document = {{"asset", {{"version", "2.0"}}},
-                         {"buffers", {{{"uri", "inside.bin"}, {"byteLength", 36}}}}};
+  const json document = {{"asset", {{"version", "2.0"}}}, {"buffers", {{{"uri", "inside.bin"}, {"byteLength", 36}}}}};
   std::ofstream(folder / "job/scene.gltf") << document.dump();
   const auto refused = load_gltf({.file = folder / "job/scene.gltf"});
   ASSERT_FALSE(refused.has_value());
@@ -352,8 +341,7 @@ TEST(GltfFolder, LinksOutOfTheRootAreRefused) {
 
 TEST(GltfFolder, UnknownCameraListsThoseOfTheScene) {
   GltfBuilder b = one_triangle();
-  b.json["cameras"] = {
-      {{"type", "perspective"}, {"name", "door"}, {"perspective", {{"yfov", 1}, {"znear", 1}}}}};
+  b.json["cameras"] = {{{"type", "perspective"}, {"name", "door"}, {"perspective", {{"yfov", 1}, {"znear", 1}}}}};
   b.json["nodes"][0]["camera"] = 0;
   const TempFolder folder;
   const fs::path file = folder / "camera.glb";

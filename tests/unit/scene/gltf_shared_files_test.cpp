@@ -43,12 +43,11 @@ bool names_a_fault(const std::string& warning) {
 TEST(GltfSharedFiles, ValidScenesLoad) {
   if (!fs::exists(scenes())) GTEST_SKIP() << "no shared test data";
   // What these need in extensionsRequired, or as the least version, is not supported.
-  const std::set<std::string> refused = {"BoxMeshopt.glb", "14_emission_strength.gltf",
-                                         "IridescenceSuzanne.glb", "Compatibility_04.gltf",
-                                         "Compatibility_05.gltf"};
+  const std::set<std::string> refused = {"BoxMeshopt.glb", "14_emission_strength.gltf", "IridescenceSuzanne.glb",
+                                         "Compatibility_04.gltf", "Compatibility_05.gltf"};
   std::size_t loaded = 0;
-  for (const char* folder : {"analytic", "asset-generator", "caustics", "glass", "interior", "loader", "pbr",
-                             "reference_mitsuba"}) {
+  for (const char* folder :
+       {"analytic", "asset-generator", "caustics", "glass", "interior", "loader", "pbr", "reference_mitsuba"}) {
     for (const fs::path& file : gltf_files(scenes() / folder)) {
       const auto scene = load_gltf({.file = file});
       if (refused.contains(file.filename().string())) {
@@ -67,8 +66,7 @@ TEST(GltfSharedFiles, ValidScenesLoad) {
 
 TEST(GltfSharedFiles, BrokenFilesAreNeverSilent) {
   if (!fs::exists(scenes() / "invalid")) GTEST_SKIP() << "no shared test data";
-  std::map<std::string, std::string>
-      verdict;  // of the validator's corpus; the other corpora are broken throughout
+  std::map<std::string, std::string> verdict;  // of the validator's corpus; the other corpora are broken throughout
   std::ifstream table(scenes() / "invalid/validator/expected.tsv");
   for (std::string line; std::getline(table, line);) {
     std::istringstream fields(line);

@@ -95,8 +95,7 @@ TEST(LightEmission, PhotonsFollowTheAngularDistributionOfTheirLight) {
   PunctualLight spot;
   spot.kind = PunctualKind::kSpot;
   spot.direction = normalize(Vec3f(1, 2, -1));
-  for (const auto& [inner, outer] :
-       {std::pair(0.9f, 0.5f), std::pair(0.9999f, 0.9995f), std::pair(1.0f, -0.5f)}) {
+  for (const auto& [inner, outer] : {std::pair(0.9f, 0.5f), std::pair(0.9999f, 0.9995f), std::pair(1.0f, -0.5f)}) {
     spot.cos_inner = inner;
     spot.cos_outer = outer;
     const SpotCone cone(spot);
@@ -105,8 +104,7 @@ TEST(LightEmission, PhotonsFollowTheAngularDistributionOfTheirLight) {
     constexpr int kSteps = 200000;
     const double low = static_cast<double>(outer);
     for (int i = 0; i < kSteps; ++i) {
-      const auto f =
-          static_cast<double>(cone.falloff(static_cast<float>(low + (1.0 - low) * (i + 0.5) / kSteps)));
+      const auto f = static_cast<double>(cone.falloff(static_cast<float>(low + (1.0 - low) * (i + 0.5) / kSteps)));
       integral += 2.0 * M_PI * f * (1.0 - low) / kSteps;
       second += 2.0 * M_PI * f * f * (1.0 - low) / kSteps;
     }
@@ -158,8 +156,7 @@ TEST(LightEmission, DistantPhotonsComeFromOutsideAndGiveTheIrradianceInside) {
       EXPECT_LE(dot(emission.origin - center, emission.direction), -radius);
       const float t = -emission.origin.y / emission.direction.y;
       const Vec3f at = emission.origin + emission.direction * t;
-      const bool through =
-          emission.direction.y < 0.0f && std::abs(at.x - 1.0f) < 0.5f && std::abs(at.z) < 0.5f;
+      const bool through = emission.direction.y < 0.0f && std::abs(at.x - 1.0f) < 0.5f && std::abs(at.z) < 0.5f;
       return through ? static_cast<double>(emission.flux.x) : 0.0;
     });
     const double expected = use_sky ? 0.5 * M_PI : 5.0 * static_cast<double>(-sun.direction.y);

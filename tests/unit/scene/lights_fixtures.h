@@ -27,8 +27,8 @@ inline EmissiveTriangle triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c,
 }
 
 /// Parallelogram of two triangles that list their corners in different orders.
-inline std::vector<EmissiveTriangle> quad(const Vec3f& corner, const Vec3f& u, const Vec3f& v,
-                                          const Rgb& radiance, bool two_sided = false) {
+inline std::vector<EmissiveTriangle> quad(const Vec3f& corner, const Vec3f& u, const Vec3f& v, const Rgb& radiance,
+                                          bool two_sided = false) {
   return {triangle(corner + u, corner + v, corner, radiance, two_sided),
           triangle(corner + u, corner + u + v, corner + v, radiance, two_sided)};
 }
@@ -64,8 +64,7 @@ inline Estimate irradiance(const Lights& lights, const Vec3f& p, const Vec3f& n,
     if (!s) return 0.0;
     EXPECT_GT(s->sample.pdf_w, 0.0f);
     EXPECT_TRUE(std::isfinite(s->sample.pdf_w));
-    return static_cast<double>(average(s->sample.radiance) * std::max(0.0f, dot(s->sample.wi, n)) /
-                               s->sample.pdf_w);
+    return static_cast<double>(average(s->sample.radiance) * std::max(0.0f, dot(s->sample.wi, n)) / s->sample.pdf_w);
   });
 }
 
@@ -91,9 +90,7 @@ struct RandomScene {
   explicit RandomScene(std::uint32_t seed, bool with_delta = true, bool with_sky = true, int count = 12) {
     PathRng rng(seed, Stream::kTest, 1, 0);
     const auto vector = [&](float scale) { return sample_sphere(rng.next2()) * (scale * rng.next1()); };
-    const auto color = [&] {
-      return Rgb(rng.next1(), rng.next1(), rng.next1()) * (rng.next1() < 0.2f ? 50.0f : 2.0f);
-    };
+    const auto color = [&] { return Rgb(rng.next1(), rng.next1(), rng.next1()) * (rng.next1() < 0.2f ? 50.0f : 2.0f); };
     for (int i = 0; i < count; ++i) {
       const Vec3f at = vector(3.0f), u = vector(1.5f), v = vector(1.5f);
       const bool two_sided = rng.next1() < 0.4f;
@@ -105,8 +102,7 @@ struct RandomScene {
       }
     }
     if (with_delta) {
-      for (const PunctualKind kind :
-           {PunctualKind::kPoint, PunctualKind::kSpot, PunctualKind::kDirectional}) {
+      for (const PunctualKind kind : {PunctualKind::kPoint, PunctualKind::kSpot, PunctualKind::kDirectional}) {
         PunctualLight light;
         light.kind = kind;
         light.intensity = color();

@@ -133,8 +133,7 @@ TEST(Lights, DensityOfEverySampleIsWhatPdfSays) {
       const auto s = lights.sample(p, n, transmissive, pick, rng.next2());
       if (!s || s->sample.delta) continue;
       if (s->triangle < 0) {
-        EXPECT_NEAR(lights.pdf_w_environment(p, n, transmissive, s->sample.wi) / s->sample.pdf_w, 1.0f,
-                    1e-5f);
+        EXPECT_NEAR(lights.pdf_w_environment(p, n, transmissive, s->sample.wi) / s->sample.pdf_w, 1.0f, 1e-5f);
         continue;
       }
       const EmissiveTriangle& t = lights.triangle(static_cast<std::uint32_t>(s->triangle));
@@ -177,8 +176,7 @@ TEST(Lights, DensityIntegratesToTheShareOfSamplesThatHit) {
       }
       return 4.0 * M_PI * static_cast<double>(sum);
     });
-    EXPECT_NEAR(found.mean, integral.mean, 4.5 * std::hypot(found.deviation, integral.deviation))
-        << "seed " << seed;
+    EXPECT_NEAR(found.mean, integral.mean, 4.5 * std::hypot(found.deviation, integral.deviation)) << "seed " << seed;
   }
 }
 
@@ -208,8 +206,7 @@ TEST(Lights, LightSamplingAndDirectionSamplingAgreeAndSoDoTheirMixtures) {
       const auto s = lights.sample(p, n, false, pick, rng.next2());
       if (!s) return 0.0;
       const float weight = mis ? power_heuristic(s->sample.pdf_w, 0.25f * kInvPi) : 1.0f;
-      return static_cast<double>(average(s->sample.radiance) * dot(n, s->sample.wi) * weight /
-                                 s->sample.pdf_w);
+      return static_cast<double>(average(s->sample.radiance) * dot(n, s->sample.wi) * weight / s->sample.pdf_w);
     };
     const Estimate direction = estimate(60000, [&](PathRng& rng) { return by_direction(rng, false); });
     const Estimate light = estimate(60000, [&](PathRng& rng) { return by_light(rng, false); });
@@ -217,8 +214,7 @@ TEST(Lights, LightSamplingAndDirectionSamplingAgreeAndSoDoTheirMixtures) {
       const double first = by_direction(rng, true);
       return first + by_light(rng, true);
     });
-    EXPECT_NEAR(direction.mean, light.mean, 4.5 * std::hypot(direction.deviation, light.deviation))
-        << "seed " << seed;
+    EXPECT_NEAR(direction.mean, light.mean, 4.5 * std::hypot(direction.deviation, light.deviation)) << "seed " << seed;
     EXPECT_NEAR(both.mean, light.mean, 4.5 * std::hypot(both.deviation, light.deviation)) << "seed " << seed;
   }
 }
@@ -286,8 +282,7 @@ TEST(Lights, EveryNumberThatIsReturnedIsFinite) {
     }
     const auto e = lights.emit(pick, Vec2f(x, y), Vec2f(number(), number()));
     ASSERT_TRUE(e);
-    ASSERT_TRUE(is_finite(e->emission.origin) && is_finite(e->emission.direction) &&
-                is_finite(e->emission.flux));
+    ASSERT_TRUE(is_finite(e->emission.origin) && is_finite(e->emission.direction) && is_finite(e->emission.flux));
     ASSERT_NEAR(length(e->emission.direction), 1.0f, 1e-5f);
   }
 }
@@ -330,8 +325,7 @@ TEST(Lights, ChoosesAmongLightsInOnePlaceAndOnALine) {
     lights.push_back(light);
   }
   double expected = 0.0;
-  for (const PunctualLight& light : lights)
-    expected += std::pow(static_cast<double>(length2(light.position)), -1.5);
+  for (const PunctualLight& light : lights) expected += std::pow(static_cast<double>(length2(light.position)), -1.5);
   expect_irradiance(make({}, lights), Vec3f(0, 0, 0), kUp, expected);
 }
 

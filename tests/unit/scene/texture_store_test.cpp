@@ -24,13 +24,12 @@ using Bytes = std::vector<std::uint8_t>;
 
 // 2 x 2, 2 bits: opaque red, green with alpha 128; blue with alpha 0, grey 128 with alpha 64.
 const Bytes kPalettePng = {
-    0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0x00, 0x00, 0x00, 0x0D, 0x49, 0x48, 0x44, 0x52,
-    0x00, 0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x02, 0x02, 0x03, 0x00, 0x00, 0x00, 0x0F, 0xD8, 0xE5,
-    0xB7, 0x00, 0x00, 0x00, 0x0C, 0x50, 0x4C, 0x54, 0x45, 0xFF, 0x00, 0x00, 0x00, 0xFF, 0x00, 0x00,
-    0x00, 0xFF, 0x80, 0x80, 0x80, 0xCC, 0xB0, 0x46, 0x0F, 0x00, 0x00, 0x00, 0x04, 0x74, 0x52, 0x4E,
-    0x53, 0xFF, 0x80, 0x00, 0x40, 0xFA, 0x7F, 0x3A, 0x7B, 0x00, 0x00, 0x00, 0x0C, 0x49, 0x44, 0x41,
-    0x54, 0x78, 0xDA, 0x63, 0x10, 0x60, 0xD8, 0x00, 0x00, 0x00, 0xE4, 0x00, 0xC1, 0x19, 0x55, 0x3B,
-    0xFB, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82,
+    0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0x00, 0x00, 0x00, 0x0D, 0x49, 0x48, 0x44, 0x52, 0x00, 0x00, 0x00,
+    0x02, 0x00, 0x00, 0x00, 0x02, 0x02, 0x03, 0x00, 0x00, 0x00, 0x0F, 0xD8, 0xE5, 0xB7, 0x00, 0x00, 0x00, 0x0C, 0x50,
+    0x4C, 0x54, 0x45, 0xFF, 0x00, 0x00, 0x00, 0xFF, 0x00, 0x00, 0x00, 0xFF, 0x80, 0x80, 0x80, 0xCC, 0xB0, 0x46, 0x0F,
+    0x00, 0x00, 0x00, 0x04, 0x74, 0x52, 0x4E, 0x53, 0xFF, 0x80, 0x00, 0x40, 0xFA, 0x7F, 0x3A, 0x7B, 0x00, 0x00, 0x00,
+    0x0C, 0x49, 0x44, 0x41, 0x54, 0x78, 0xDA, 0x63, 0x10, 0x60, 0xD8, 0x00, 0x00, 0x00, 0xE4, 0x00, 0xC1, 0x19, 0x55,
+    0x3B, 0xFB, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82,
 };
 // 4 x 1, 1 bit: black, white, black, white.
 const Bytes kOneBitPng = {
@@ -113,8 +112,7 @@ TEST(TextureStore, ReadsPalettesWithTransparencyAndSingleBits) {
   expect_near(store.lookup(0, {0.25f, 0.25f}), {1, 0, 0, 1});
   expect_near(store.lookup(0, {0.75f, 0.25f}), {0, 1, 0, 128.0f / 255.0f});
   expect_near(store.lookup(0, {0.25f, 0.75f}), {0, 0, 1, 0});
-  expect_near(store.lookup(0, {0.75f, 0.75f}),
-              {128.0f / 255.0f, 128.0f / 255.0f, 128.0f / 255.0f, 64.0f / 255.0f});
+  expect_near(store.lookup(0, {0.75f, 0.75f}), {128.0f / 255.0f, 128.0f / 255.0f, 128.0f / 255.0f, 64.0f / 255.0f});
   for (int i = 0; i < 4; ++i) {
     EXPECT_EQ(store.lookup(1, {(static_cast<float>(i) + 0.5f) / 4.0f, 0.5f}).x, static_cast<float>(i % 2));
   }
@@ -122,12 +120,9 @@ TEST(TextureStore, ReadsPalettesWithTransparencyAndSingleBits) {
 
 TEST(TextureStore, ReadsJpeg) {
   const Bytes jpeg = encode<std::uint8_t>("jpeg", 16, 16, 3, std::vector<std::uint8_t>(16 * 16 * 3, 128));
-  const TextureStore store =
-      open({texture(jpeg), texture(encode<std::uint8_t>("jpeg", 8, 8, 1, Bytes(64, 200)))});
-  expect_near(store.lookup(0, {0.4f, 0.6f}), Vec4f(128.0f / 255.0f, 128.0f / 255.0f, 128.0f / 255.0f, 1.0f),
-              0.005f);
-  expect_near(store.lookup(1, {0.4f, 0.6f}), Vec4f(200.0f / 255.0f, 200.0f / 255.0f, 200.0f / 255.0f, 1.0f),
-              0.005f);
+  const TextureStore store = open({texture(jpeg), texture(encode<std::uint8_t>("jpeg", 8, 8, 1, Bytes(64, 200)))});
+  expect_near(store.lookup(0, {0.4f, 0.6f}), Vec4f(128.0f / 255.0f, 128.0f / 255.0f, 128.0f / 255.0f, 1.0f), 0.005f);
+  expect_near(store.lookup(1, {0.4f, 0.6f}), Vec4f(200.0f / 255.0f, 200.0f / 255.0f, 200.0f / 255.0f, 1.0f), 0.005f);
 }
 
 TEST(TextureStore, TexelCentresLieAtHalvesAndTheFirstRowIsOnTop) {
@@ -145,17 +140,15 @@ TEST(TextureStore, TexelCentresLieAtHalvesAndTheFirstRowIsOnTop) {
 }
 
 TEST(TextureStore, FiltersInLinearLight) {
-  const TextureStore store =
-      open({texture(encode<std::uint8_t>("png", 2, 1, 1, {0, 255}), ColorSpace::kSrgb)});
+  const TextureStore store = open({texture(encode<std::uint8_t>("png", 2, 1, 1, {0, 255}), ColorSpace::kSrgb)});
   EXPECT_NEAR(store.lookup(0, {0.5f, 0.5f}).x, 0.5f, 1e-6f);
-  const TextureStore alpha =
-      open({texture(encode<std::uint8_t>("png", 2, 1, 2, {0, 128, 255, 0}), ColorSpace::kSrgb)});
+  const TextureStore alpha = open({texture(encode<std::uint8_t>("png", 2, 1, 2, {0, 128, 255, 0}), ColorSpace::kSrgb)});
   EXPECT_NEAR(alpha.lookup(0, {0.5f, 0.5f}).w, 64.0f / 255.0f, 1e-6f);
 }
 
 /// The definition, texel by texel.
-float reference(const std::vector<std::uint8_t>& pixels, int width, int height, Wrap wrap, bool nearest,
-                float u, float v) {
+float reference(const std::vector<std::uint8_t>& pixels, int width, int height, Wrap wrap, bool nearest, float u,
+                float v) {
   const auto fold = [&](long i, long n) {
     if (wrap == Wrap::kClamp) return std::clamp(i, 0L, n - 1);
     if (wrap == Wrap::kRepeat) return ((i % n) + n) % n;
@@ -163,8 +156,7 @@ float reference(const std::vector<std::uint8_t>& pixels, int width, int height, 
     return m < n ? m : 2 * n - 1 - m;
   };
   const auto at = [&](long x, long y) {
-    return static_cast<double>(pixels[static_cast<std::size_t>(fold(y, height) * width + fold(x, width))]) /
-           255.0;
+    return static_cast<double>(pixels[static_cast<std::size_t>(fold(y, height) * width + fold(x, width))]) / 255.0;
   };
   const double x = static_cast<double>(u) * width, y = static_cast<double>(v) * height;
   if (nearest) return static_cast<float>(at(std::lround(std::floor(x)), std::lround(std::floor(y))));
@@ -213,8 +205,7 @@ TEST(TextureStore, SurvivesEveryCoordinate) {
   }
   const TextureStore store = open(textures);
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  for (const float u :
-       {nan, kInfinity, -kInfinity, 1e30f, -1e30f, 1e-40f, -1e-40f, 1.0f, -1.0f, 2.0f, 0.99999994f}) {
+  for (const float u : {nan, kInfinity, -kInfinity, 1e30f, -1e30f, 1e-40f, -1e-40f, 1.0f, -1.0f, 2.0f, 0.99999994f}) {
     for (std::size_t t = 0; t < textures.size(); ++t) {
       EXPECT_NEAR(store.lookup(static_cast<int>(t), {u, 0.5f}).x, 77.0f / 255.0f, 1e-6f);
       EXPECT_NEAR(store.lookup(static_cast<int>(t), {0.5f, u}).x, 77.0f / 255.0f, 1e-6f);
@@ -278,25 +269,21 @@ TEST(TextureStore, TakesNoMemoryForWhatAHeaderPromises) {
     const auto store = TextureStore::open({texture(bytes)});
     return store ? std::string() : store.error().message;
   };
-  EXPECT_NE(message(kHugePng).find("image is 100000 x 100000 pixels; at most"), std::string::npos)
-      << message(kHugePng);
+  EXPECT_NE(message(kHugePng).find("image is 100000 x 100000 pixels; at most"), std::string::npos) << message(kHugePng);
   // Within the bounds of a side, and 1.5 GiB from nine bytes.
   Bytes bomb = kHugePng;
-  for (const std::size_t at : {16u, 20u})
-    bomb[at] = bomb[at + 1] = 0, bomb[at + 2] = 0x3E, bomb[at + 3] = 0x80;
+  for (const std::size_t at : {16u, 20u}) bomb[at] = bomb[at + 1] = 0, bomb[at + 2] = 0x3E, bomb[at + 3] = 0x80;
   bomb[24] = 16;
   EXPECT_NE(message(bomb).find("image is 16000 x 16000 pixels, more than its 9 bytes of data can hold"),
             std::string::npos)
       << message(bomb);
   // What a packer can do at best is taken.
-  const TextureStore store =
-      open({texture(encode<std::uint8_t>("png", 2048, 2048, 4, Bytes(2048 * 2048 * 4, 0)))});
+  const TextureStore store = open({texture(encode<std::uint8_t>("png", 2048, 2048, 4, Bytes(2048 * 2048 * 4, 0)))});
   expect_near(store.lookup(0, {0.5f, 0.5f}), {0, 0, 0, 0});
 }
 
 TEST(TextureStore, DamagedBytesNeverCrash) {
-  const std::vector<Bytes> seeds = {kPalettePng, kOneBitPng,
-                                    encode<std::uint8_t>("png", 16, 16, 4, Bytes(1024, 9)),
+  const std::vector<Bytes> seeds = {kPalettePng, kOneBitPng, encode<std::uint8_t>("png", 16, 16, 4, Bytes(1024, 9)),
                                     encode<std::uint8_t>("jpeg", 32, 32, 3, Bytes(3072, 99))};
   PathRng rng(4, Stream::kTest, 0, 0);
   int opened = 0;

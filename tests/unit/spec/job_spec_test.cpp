@@ -140,8 +140,7 @@ TEST(JobSpec, SurvivesTheWayThroughCanonicalJson) {
 }
 
 TEST(JobSpec, TakesWholeNumbersForRealsAndArraysOfThem) {
-  const JobSpec spec =
-      parsed(std::string(kMinimal) + "environment_radiance = [0, 0.5, 1]\nlens_radius = 1\n");
+  const JobSpec spec = parsed(std::string(kMinimal) + "environment_radiance = [0, 0.5, 1]\nlens_radius = 1\n");
   EXPECT_EQ(spec.scene.environment_radiance, (std::vector<double>{0, 0.5, 1}));
   EXPECT_EQ(spec.scene.lens_radius, 1.0);
 }
@@ -178,8 +177,7 @@ TEST(JobSpec, RefusesHugeAndHostileTextsQuickly) {
     return text;
   };
   EXPECT_FALSE(parse_job_toml(std::string(megabyte + 1, ' '), "job.toml"));
-  for (const std::string_view piece :
-       {"[", "{", "a.", "[a.b]\n", "a={", "\"", "'", "\"\"\"", "\\", "x=[[\n", "#\r"}) {
+  for (const std::string_view piece : {"[", "{", "a.", "[a.b]\n", "a={", "\"", "'", "\"\"\"", "\\", "x=[[\n", "#\r"}) {
     EXPECT_FALSE(parse_job_toml(repeat(piece), "job.toml")) << piece;
     EXPECT_FALSE(parse_job_toml("v = " + repeat(piece).substr(4), "job.toml")) << piece;
     EXPECT_FALSE(parse_job_json(repeat(piece), "job.json")) << piece;
@@ -195,8 +193,7 @@ TEST(JobSpec, CountsNoDotsInStringsAndComments) {
   EXPECT_TRUE(parse_job_toml("# " + dots + "\n" + std::string(kMinimal), "job.toml"));
   const std::string camera = "camera = \"\"\"a\"b\"\"" + std::string(200, '.') + "\"\"\"\" # '\n";
   EXPECT_EQ(parsed(std::string(kMinimal) + camera).scene.camera, "a\"b\"\"" + std::string(200, '.') + "\"");
-  EXPECT_FALSE(
-      parse_job_toml(std::string(kMinimal) + "camera = '" + dots + "'", "job.toml"));  // but too long
+  EXPECT_FALSE(parse_job_toml(std::string(kMinimal) + "camera = '" + dots + "'", "job.toml"));  // but too long
 }
 
 TEST(JobSpec, TakesTextBeyondAsciiInStringsAndComments) {
@@ -220,8 +217,7 @@ TEST(Overrides, TakeStringsWithAndWithoutQuotes) {
 }
 
 TEST(Overrides, TakeArrays) {
-  EXPECT_EQ(parsed(kMinimal, {"scene.environment_radiance=[1, 1.0, 1]"}).scene.environment_radiance.size(),
-            3u);
+  EXPECT_EQ(parsed(kMinimal, {"scene.environment_radiance=[1, 1.0, 1]"}).scene.environment_radiance.size(), 3u);
 }
 
 TEST(Overrides, MayGiveWhatTheFileLacks) {
@@ -234,10 +230,12 @@ TEST(Overrides, AreNamedByTheirErrors) {
             "seconds, error, memory; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stpo.passes=64"),
             "--set stpo.passes=64: unknown table 'stpo'; expected one of job, scene, "
-            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop'?");
+            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, "
+            "checkpoint, faults; did you mean 'stop'?");
   EXPECT_EQ(refusal("passes=64"),
             "--set passes=64: unknown key 'passes'; expected one of spec_version, job, scene, "
-            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, checkpoint, faults; did you mean 'stop.passes'?");
+            "image, integrator, ppm, photon_map, final_gather, irradiance_cache, cache, photon_splat, stop, "
+            "checkpoint, faults; did you mean 'stop.passes'?");
   EXPECT_EQ(refusal("stop={passes=1}"),
             "--set stop={passes=1}: 'stop' is a table; expected --set stop.key=value "
             "with a key out of passes, seconds, error, memory");
@@ -272,10 +270,8 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 }
 
 TEST(SpecHash, IsStable) {
-  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)),
-            "77470b9164ea4e2f858108850310d47d2577295fe01edf791aa89cb49d1fec75");
-  EXPECT_EQ(image_hash_of_spec(parsed(kFull)),
-            "cde82eda7601e9e399cc519b557b194566f499dbe8217925be3ec60b981882d7");
+  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)), "77470b9164ea4e2f858108850310d47d2577295fe01edf791aa89cb49d1fec75");
+  EXPECT_EQ(image_hash_of_spec(parsed(kFull)), "cde82eda7601e9e399cc519b557b194566f499dbe8217925be3ec60b981882d7");
 }
 
 TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
@@ -286,25 +282,40 @@ TEST(SpecHash, DoesNotDependOnTheOrderOfKeysOrOnTheSpelling) {
 }
 
 TEST(SpecHash, IgnoresWhatDoesNotDecideTheImage) {
-  const JobSpec other =
-      parsed(kMinimal, {"job.name=other", "job.priority=1", "image.exposure=1", "stop.passes=1",
-                        "stop.seconds=1", "stop.error=1", "stop.memory=1",
-                        "checkpoint.seconds=1", "faults.max_attempts=1",
-                        "faults.unit_timeout_seconds=1"});
+  const JobSpec other = parsed(kMinimal, {"job.name=other", "job.priority=1", "image.exposure=1", "stop.passes=1",
+                                          "stop.seconds=1", "stop.error=1", "stop.memory=1", "checkpoint.seconds=1",
+                                          "faults.max_attempts=1", "faults.unit_timeout_seconds=1"});
   EXPECT_EQ(image_hash_of_spec(other), image_hash_of_spec(parsed(kMinimal)));
 }
 
 TEST(SpecHash, ChangesWithWhatDecidesTheImage) {
-  for (const std::string argument :
-       {"scene.file=b.glb", "scene.environment=a.exr", "scene.environment_scale=2", "scene.camera=b",
-        "scene.scene=1", "scene.environment_radiance=[1, 1, 1]", "scene.lens_radius=1",
-        "scene.focus_distance=2", "image.width=1", "image.height=1", "integrator.type=path",
-        "integrator.mode=independent", "integrator.photons=1", "integrator.round_growth=1",
-        "integrator.alpha=1", "integrator.initial_radius=1", "integrator.max_depth=1", "integrator.seed=2",
-        "ppm.hit_points=1", "integrator.error_estimate=true", "photon_map.nearest=1", "photon_map.caustic_map=off", "final_gather.precompute=false", "irradiance_cache.source=path",
-        "cache.file=a.pfcache", "photon_splat.kernel=cone"}) {
-    EXPECT_NE(image_hash_of_spec(parsed(kMinimal, {argument})), image_hash_of_spec(parsed(kMinimal)))
-        << argument;
+  for (const std::string argument : {"scene.file=b.glb",
+                                     "scene.environment=a.exr",
+                                     "scene.environment_scale=2",
+                                     "scene.camera=b",
+                                     "scene.scene=1",
+                                     "scene.environment_radiance=[1, 1, 1]",
+                                     "scene.lens_radius=1",
+                                     "scene.focus_distance=2",
+                                     "image.width=1",
+                                     "image.height=1",
+                                     "integrator.type=path",
+                                     "integrator.mode=independent",
+                                     "integrator.photons=1",
+                                     "integrator.round_growth=1",
+                                     "integrator.alpha=1",
+                                     "integrator.initial_radius=1",
+                                     "integrator.max_depth=1",
+                                     "integrator.seed=2",
+                                     "ppm.hit_points=1",
+                                     "integrator.error_estimate=true",
+                                     "photon_map.nearest=1",
+                                     "photon_map.caustic_map=off",
+                                     "final_gather.precompute=false",
+                                     "irradiance_cache.source=path",
+                                     "cache.file=a.pfcache",
+                                     "photon_splat.kernel=cone"}) {
+    EXPECT_NE(image_hash_of_spec(parsed(kMinimal, {argument})), image_hash_of_spec(parsed(kMinimal))) << argument;
   }
 }
 
@@ -343,8 +354,7 @@ TEST_F(LoadJob, NamesTheFileInErrors) {
   std::ofstream(folder_ / "a.toml") << "[job]\nname = 1\n";
   const auto bad = load_job(folder_ / "a.toml");
   ASSERT_FALSE(bad);
-  EXPECT_TRUE(
-      bad.error().message.starts_with((folder_ / "a.toml").string() + ":2:8: job.name is the integer 1; "));
+  EXPECT_TRUE(bad.error().message.starts_with((folder_ / "a.toml").string() + ":2:8: job.name is the integer 1; "));
   const auto absent = load_job(folder_ / "b.toml");
   ASSERT_FALSE(absent);
   EXPECT_EQ(exit_code(absent.error().kind), 2);

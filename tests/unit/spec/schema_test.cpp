@@ -47,8 +47,7 @@ std::string violation(const json& schema, const json& value, const std::string& 
   } else {
     if (type == "integer" ? !value.is_number_integer() : !value.is_number()) return at;
     if (value > schema["maximum"]) return at;
-    if (schema.contains("minimum") ? value < schema["minimum"] : value <= schema["exclusiveMinimum"])
-      return at;
+    if (schema.contains("minimum") ? value < schema["minimum"] : value <= schema["exclusiveMinimum"]) return at;
   }
   return "";
 }
@@ -69,22 +68,21 @@ TEST(JobSchema, AcceptsWhatTheParserAccepts) {
 
 TEST(JobSchema, RefusesWhatTheParserRefuses) {
   const json schema = json::parse(job_json_schema());
-  for (const auto& [pointer, value] :
-       std::vector<std::pair<std::string, json>>{{"/image/heigth", 1},
-                                                 {"/image/width", 0},
-                                                 {"/image/width", 1.5},
-                                                 {"/integrator/alpha", 0},
-                                                 {"/integrator/type", "spm"},
-                                                 {"/job/name", "a b"},
-                                                 {"/job/name", ".."},
-                                                 {"/scene/file", "/a.gltf"},
-                                                 {"/scene/file", "../a.gltf"},
-                                                 {"/scene/file", "a.obj"},
-                                                 {"/scene/file", ""},
-                                                 {"/scene/environment", "a.png"},
-                                                 {"/scene/environment_radiance", {1, 1}},
-                                                 {"/stop/passes", -1},
-                                                 {"/spec_version", 2}}) {
+  for (const auto& [pointer, value] : std::vector<std::pair<std::string, json>>{{"/image/heigth", 1},
+                                                                                {"/image/width", 0},
+                                                                                {"/image/width", 1.5},
+                                                                                {"/integrator/alpha", 0},
+                                                                                {"/integrator/type", "spm"},
+                                                                                {"/job/name", "a b"},
+                                                                                {"/job/name", ".."},
+                                                                                {"/scene/file", "/a.gltf"},
+                                                                                {"/scene/file", "../a.gltf"},
+                                                                                {"/scene/file", "a.obj"},
+                                                                                {"/scene/file", ""},
+                                                                                {"/scene/environment", "a.png"},
+                                                                                {"/scene/environment_radiance", {1, 1}},
+                                                                                {"/stop/passes", -1},
+                                                                                {"/spec_version", 2}}) {
     json changed = example();
     changed[json::json_pointer(pointer)] = value;
     EXPECT_NE(violation(schema, changed, ""), "") << pointer << value;

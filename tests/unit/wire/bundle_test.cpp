@@ -84,9 +84,8 @@ TEST(FilesOfJob, AreReadFromGlbToo) {
 }
 
 TEST(FilesOfJob, RefusesWhatTheLoaderWouldRefuse) {
-  for (const char* uri :
-       {"absent.bin", "/etc/passwd", "../../outside.bin", "file:///etc/passwd", "http://x/y.bin", "", "..",
-        "%2e%2e/%2e%2e/outside.bin", "a%00b", "%2fetc%2fpasswd", "\\\\\\\\host"}) {
+  for (const char* uri : {"absent.bin", "/etc/passwd", "../../outside.bin", "file:///etc/passwd", "http://x/y.bin", "",
+                          "..", "%2e%2e/%2e%2e/outside.bin", "a%00b", "%2fetc%2fpasswd", "\\\\\\\\host"}) {
     const Job job(Job::buffer(uri));
     write(job.folder / "outside.bin", "secret");
     EXPECT_NE(job.error().find("a.gltf"), std::string::npos) << uri << ": " << job.error();
@@ -153,10 +152,9 @@ TEST(FilesOfJob, TakesAndRefusesTheUrisThatTheLoaderDoes) {
   write(folder / "root/scene/c:d.bin", "1");
   write(folder / "out.bin", "1");
   const gltf::Folder loader(folder / "root/scene", folder / "root");
-  for (const char* uri :
-       {"b.bin",   "./b.bin", "%62.bin",   "50%.bin",   "50%25.bin", "../up.bin", "../../out.bin",
-        "x:b.bin", "c:d.bin", "./c:d.bin", "c%3Ad.bin", "/b.bin",    "\\b.bin",   "%5cb.bin",
-        "b.bin/",  "b.bin?x", ".",         "",          "b%0a.bin",  "é.bin"}) {
+  for (const char* uri : {"b.bin",   "./b.bin", "%62.bin",   "50%.bin",   "50%25.bin", "../up.bin", "../../out.bin",
+                          "x:b.bin", "c:d.bin", "./c:d.bin", "c%3Ad.bin", "/b.bin",    "\\b.bin",   "%5cb.bin",
+                          "b.bin/",  "b.bin?x", ".",         "",          "b%0a.bin",  "é.bin"}) {
     JobSpec spec;
     spec.scene.file = "scene/a.gltf";
     spec.folder = folder / "root";
@@ -167,9 +165,8 @@ TEST(FilesOfJob, TakesAndRefusesTheUrisThatTheLoaderDoes) {
     const auto opened = loader.resolve(uri);
     EXPECT_EQ(files.has_value(), opened.has_value()) << uri << ": " << (files ? "" : files.error().message);
     if (files && opened) {
-      EXPECT_TRUE(std::any_of(files->begin(), files->end(), [&](const BundleFile& f) {
-        return f.source == *opened;
-      })) << uri;
+      EXPECT_TRUE(std::any_of(files->begin(), files->end(), [&](const BundleFile& f) { return f.source == *opened; }))
+          << uri;
     }
   }
 }
@@ -224,8 +221,7 @@ TEST(Bundle, IsRefusedBeforeAnythingIsWritten) {
 TEST(Bundle, OfFilesThatCannotBeLaidOutIsNotMade) {
   const Job job;
   const BlobId id{std::string(64, 'a'), 3};
-  for (const char* path : {"../a", "/a", "a/../b", ""})
-    EXPECT_FALSE(make_bundle(job.spec, {{path, id}})) << path;
+  for (const char* path : {"../a", "/a", "a/../b", ""}) EXPECT_FALSE(make_bundle(job.spec, {{path, id}})) << path;
   EXPECT_FALSE(make_bundle(job.spec, {{"a", id}, {"a", id}}));
   EXPECT_FALSE(make_bundle(job.spec, {{"a", id}, {"a-", id}, {"a/b", id}}));
   EXPECT_FALSE(make_bundle(job.spec, {{"a", BlobId{"short", 3}}}));

@@ -72,28 +72,26 @@ TEST(WireGolden, EveryMessageHasTheBytesOfThisVersion) {
 /// zstd may write other bytes in another version: the content is held fixed, and one chunk as it was sent
 /// must stay readable.
 template <typename Decode>
-void expect_golden_chunk(const std::string& name, const std::string& chunk, std::string_view magic,
-                         char selector, Decode decode) {
+void expect_golden_chunk(const std::string& name, const std::string& chunk, std::string_view magic, char selector,
+                         Decode decode) {
   const auto content = open_chunk(chunk, magic, 1 << 20, 1);
   ASSERT_TRUE(content) << content.error().message;
   // The fuzzer compresses what begins with '6' or '7' itself.
   const char content_selector = static_cast<char>(selector + 2);
-  EXPECT_EQ(hex_lines(content->all()), hex_lines(golden(name + "_content", content->all(), content_selector)))
-      << name;
+  EXPECT_EQ(hex_lines(content->all()), hex_lines(golden(name + "_content", content->all(), content_selector))) << name;
   decode(golden(name + "_chunk", chunk, selector));
 }
 
 TEST(WireGolden, StatisticsHaveTheBytesOfThisVersion) {
   const Statistics sums = test::sample_statistics(8, 4, true);
-  expect_golden_chunk("statistics", pack_statistics(sums).chunks.at(0), "PFS1", '4',
-                      [&](const std::string& chunk) {
-                        Statistics into(8, 4);
-                        StatisticsUnpacker unpacker(into);
-                        ASSERT_TRUE(unpacker.add(chunk));
-                        EXPECT_EQ(into.pixels, sums.pixels);
-                        EXPECT_EQ(into.features, sums.features);
-                        EXPECT_EQ(unpacker.content(), pack_statistics(sums).content);
-                      });
+  expect_golden_chunk("statistics", pack_statistics(sums).chunks.at(0), "PFS1", '4', [&](const std::string& chunk) {
+    Statistics into(8, 4);
+    StatisticsUnpacker unpacker(into);
+    ASSERT_TRUE(unpacker.add(chunk));
+    EXPECT_EQ(into.pixels, sums.pixels);
+    EXPECT_EQ(into.features, sums.features);
+    EXPECT_EQ(unpacker.content(), pack_statistics(sums).content);
+  });
 }
 
 TEST(WireGolden, RadiiHaveTheBytesOfThisVersion) {

@@ -45,15 +45,13 @@ std::string bundle_error(const std::function<void(wire::Bundle&)>& spoil) {
   return parsed ? "" : parsed.error().message;
 }
 
-#define EXPECT_NAMES(message, field) \
-  EXPECT_NE((message).find(field), std::string::npos) << "got: " << (message)
+#define EXPECT_NAMES(message, field) EXPECT_NE((message).find(field), std::string::npos) << "got: " << (message)
 
 TEST(WireMessages, AreTakenAsTheyAre) {
   EXPECT_EQ(task_error([](auto&) {}), "");
   for (const std::string& body : test::from_worker_bodies())
     EXPECT_EQ(from_worker_error(body, [](auto&) {}), "") << body;
-  for (const std::string& body : test::to_worker_bodies())
-    EXPECT_EQ(to_worker_error(body, [](auto&) {}), "") << body;
+  for (const std::string& body : test::to_worker_bodies()) EXPECT_EQ(to_worker_error(body, [](auto&) {}), "") << body;
   EXPECT_EQ(bundle_error([](auto&) {}), "");
 }
 
@@ -72,20 +70,15 @@ TEST(WireMessages, TasksAreCheckedFieldByField) {
   EXPECT_NAMES(task_error([](auto& t) { t.clear_unit(); }), "Task.unit");
   EXPECT_NAMES(task_error([](auto& t) { t.mutable_unit()->set_attempt(0); }), "Task.unit.attempt");
   EXPECT_NAMES(task_error([](auto& t) { t.mutable_unit()->set_sub_passes(0); }), "Task.unit.sub_passes");
-  EXPECT_NAMES(task_error([](auto& t) {
-                 t.mutable_unit()->set_sub_passes(std::numeric_limits<std::uint64_t>::max());
-               }),
+  EXPECT_NAMES(task_error([](auto& t) { t.mutable_unit()->set_sub_passes(std::numeric_limits<std::uint64_t>::max()); }),
                "Task.unit.sub_passes");
-  EXPECT_NAMES(task_error([](auto& t) {
-                 t.mutable_unit()->set_first_sub_pass(std::numeric_limits<std::uint64_t>::max() - 2);
-               }),
-               "Task.unit.first_sub_pass");
+  EXPECT_NAMES(
+      task_error([](auto& t) { t.mutable_unit()->set_first_sub_pass(std::numeric_limits<std::uint64_t>::max() - 2); }),
+      "Task.unit.first_sub_pass");
   EXPECT_NAMES(task_error([](auto& t) { t.set_round_begin(17); }), "Task.round_begin");
   EXPECT_NAMES(task_error([](auto& t) { t.mutable_bundle()->set_sha256("short"); }), "Task.bundle.sha256");
-  EXPECT_NAMES(task_error([](auto& t) { t.mutable_bundle()->set_bytes(kMaxBundleBytes + 1); }),
-               "Task.bundle.bytes");
-  EXPECT_NAMES(task_error([](auto& t) { t.mutable_state()->set_bytes(kMaxBlobBytes + 1); }),
-               "Task.state.bytes");
+  EXPECT_NAMES(task_error([](auto& t) { t.mutable_bundle()->set_bytes(kMaxBundleBytes + 1); }), "Task.bundle.bytes");
+  EXPECT_NAMES(task_error([](auto& t) { t.mutable_state()->set_bytes(kMaxBlobBytes + 1); }), "Task.state.bytes");
   EXPECT_NAMES(task_error([](auto& t) { t.set_kind(wire::Task::PREPARE); }), "Task.state");
   EXPECT_NAMES(task_error([](auto& t) { t.set_timeout_seconds(std::nan("")); }), "Task.timeout_seconds");
   EXPECT_NAMES(task_error([](auto& t) { t.set_width(0); }), "Task.width");
@@ -95,32 +88,27 @@ TEST(WireMessages, TasksAreCheckedFieldByField) {
 TEST(WireMessages, HeartbeatsAndSmallOnesAreChecked) {
   EXPECT_NAMES(from_worker_error("heartbeat", [](auto& m) { m.set_worker("a.b"); }), "FromWorker.worker");
   EXPECT_NAMES(from_worker_error("heartbeat", [](auto& m) { m.clear_heartbeat(); }), "FromWorker.body");
-  EXPECT_NAMES(
-      from_worker_error(
-          "heartbeat",
-          [](auto& m) { m.mutable_heartbeat()->set_activity(static_cast<wire::Heartbeat::Activity>(77)); }),
-      "heartbeat.activity");
-  EXPECT_NAMES(
-      from_worker_error(
-          "heartbeat",
-          [](auto& m) { m.mutable_heartbeat()->set_trace_seconds(std::numeric_limits<double>::infinity()); }),
-      "heartbeat.trace_seconds");
-  EXPECT_NAMES(
-      from_worker_error("heartbeat", [](auto& m) { m.mutable_heartbeat()->mutable_held(0)->set_attempt(0); }),
-      "heartbeat.held[0].attempt");
+  EXPECT_NAMES(from_worker_error(
+                   "heartbeat",
+                   [](auto& m) { m.mutable_heartbeat()->set_activity(static_cast<wire::Heartbeat::Activity>(77)); }),
+               "heartbeat.activity");
+  EXPECT_NAMES(from_worker_error(
+                   "heartbeat",
+                   [](auto& m) { m.mutable_heartbeat()->set_trace_seconds(std::numeric_limits<double>::infinity()); }),
+               "heartbeat.trace_seconds");
+  EXPECT_NAMES(from_worker_error("heartbeat", [](auto& m) { m.mutable_heartbeat()->mutable_held(0)->set_attempt(0); }),
+               "heartbeat.held[0].attempt");
   EXPECT_NAMES(from_worker_error("blob_request", [](auto& m) { m.mutable_blob_request()->set_offset(501); }),
                "blob_request.offset");
-  EXPECT_NAMES(from_worker_error("chunk", [](auto& m) { m.mutable_chunk()->set_index(kMaxChunks); }),
-               "chunk.index");
+  EXPECT_NAMES(from_worker_error("chunk", [](auto& m) { m.mutable_chunk()->set_index(kMaxChunks); }), "chunk.index");
   EXPECT_NAMES(
-      from_worker_error("chunk",
-                        [](auto& m) { m.mutable_chunk()->set_data(std::string(kMaxChunkBytes + 1, 'x')); }),
+      from_worker_error("chunk", [](auto& m) { m.mutable_chunk()->set_data(std::string(kMaxChunkBytes + 1, 'x')); }),
       "chunk.data");
   EXPECT_NAMES(from_worker_error("failed", [](auto& m) { m.mutable_failed()->set_error_kind(99); }),
                "failed.error_kind");
-  EXPECT_NAMES(from_worker_error(
-                   "log", [](auto& m) { m.mutable_log()->set_text(std::string(kMaxTextBytes + 1, 'x')); }),
-               "log.text");
+  EXPECT_NAMES(
+      from_worker_error("log", [](auto& m) { m.mutable_log()->set_text(std::string(kMaxTextBytes + 1, 'x')); }),
+      "log.text");
 }
 
 TEST(WireMessages, ResultsAreChecked) {
@@ -175,14 +163,10 @@ TEST(WireMessages, BundlesKeepInsideTheirFolder) {
   }
   EXPECT_FALSE(is_bundle_path(std::string_view("a\0b", 3)));
   EXPECT_FALSE(is_bundle_path(std::string(1025, 'a')));
-  for (const char* path : {"a", "a/b.c", "..a/b..", "%2e%2e", "\xc3\xbc"})
-    EXPECT_TRUE(is_bundle_path(path)) << path;
-  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(1)->set_path("scenes/a.bin"); }), "files[1].path")
-      << "twice";
-  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(0)->set_path("zzz"); }), "files[1].path")
-      << "not ascending";
-  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(0)->set_path("scenes"); }),
-               "the folder of another");
+  for (const char* path : {"a", "a/b.c", "..a/b..", "%2e%2e", "\xc3\xbc"}) EXPECT_TRUE(is_bundle_path(path)) << path;
+  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(1)->set_path("scenes/a.bin"); }), "files[1].path") << "twice";
+  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(0)->set_path("zzz"); }), "files[1].path") << "not ascending";
+  EXPECT_NAMES(bundle_error([](auto& b) { b.mutable_files(0)->set_path("scenes"); }), "the folder of another");
 }
 
 TEST(WireMessages, CostNoMoreThanAFewTimesTheirBytes) {
@@ -226,8 +210,8 @@ TEST(WireMessages, EveryTruncationAndFlippedBitIsSurvived) {
 TEST(WireMessages, TextIsUtf8) {
   for (const char* good : {"", "abc", "\xc3\xbc", "\xe2\x82\xac", "\xf0\x9f\x98\x80", "\xf4\x8f\xbf\xbf"})
     EXPECT_TRUE(is_utf8(good));
-  for (const char* bad : {"\x80", "\xc3", "\xc0\x80", "\xe0\x80\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80",
-                          "\xff", "a\xe2\x82"}) {
+  for (const char* bad :
+       {"\x80", "\xc3", "\xc0\x80", "\xe0\x80\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xff", "a\xe2\x82"}) {
     EXPECT_FALSE(is_utf8(bad)) << bad;
   }
   std::string bytes = to_bytes(sample_from_worker("log"));

@@ -16,9 +16,7 @@ void fill(wire::Blob& blob, char byte, std::uint64_t bytes) {
   blob.set_bytes(bytes);
 }
 
-FilmOptions film() {
-  return {640, 480, Estimator::kShared, {0x1p-24, 0x1p-30, 0x1p-16, 0x1p-18}, 0.6667, 0.25};
-}
+FilmOptions film() { return {640, 480, Estimator::kShared, {0x1p-24, 0x1p-30, 0x1p-16, 0x1p-18}, 0.6667, 0.25}; }
 
 void fill_result(wire::ResultManifest& result, bool prepare) {
   result.set_version(kWireVersion);

@@ -23,11 +23,10 @@ Packed pack(const std::vector<ProgressivePixel>& state) {
 }
 
 bool same_radii(const std::vector<ProgressivePixel>& a, const std::vector<ProgressivePixel>& b) {
-  return std::equal(
-      a.begin(), a.end(), b.begin(), b.end(), [](const ProgressivePixel& p, const ProgressivePixel& q) {
-        return p[kCaustic].radius2 == q[kCaustic].radius2 && p[kIndirect].radius2 == q[kIndirect].radius2 &&
-               p.covered_radius == q.covered_radius;
-      });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const ProgressivePixel& p, const ProgressivePixel& q) {
+    return p[kCaustic].radius2 == q[kCaustic].radius2 && p[kIndirect].radius2 == q[kIndirect].radius2 &&
+           p.covered_radius == q.covered_radius;
+  });
 }
 
 TEST(StateCodec, BringsBackEveryRadius) {

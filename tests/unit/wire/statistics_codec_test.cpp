@@ -60,8 +60,7 @@ TEST(StatisticsCodec, TakesTheExtremesOfEveryMember) {
     PixelSums& p = sums.pixels[i];
     p.direct = {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max(), -1};
     p.photons = {std::numeric_limits<std::uint32_t>::max(), 1};
-    sums.features[i].albedo = {std::numeric_limits<std::int16_t>::min(),
-                               std::numeric_limits<std::int16_t>::max(), -1};
+    sums.features[i].albedo = {std::numeric_limits<std::int16_t>::min(), std::numeric_limits<std::int16_t>::max(), -1};
     sums.features[i].depth_and_samples = std::numeric_limits<std::uint32_t>::max();
   }
   Statistics into(64, 65);
@@ -71,8 +70,7 @@ TEST(StatisticsCodec, TakesTheExtremesOfEveryMember) {
 
 TEST(StatisticsCodec, AddsResultsInAnyOrderToTheSameSums) {
   std::vector<Statistics> results;
-  for (std::uint64_t seed = 1; seed <= 3; ++seed)
-    results.push_back(sample_statistics(100, 90, seed == 2, seed));
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) results.push_back(sample_statistics(100, 90, seed == 2, seed));
   Statistics expected(100, 90);
   for (const Statistics& result : results) ASSERT_TRUE(expected.add(result));
   for (const auto& order : {std::array{0, 1, 2}, std::array{2, 0, 1}}) {
@@ -162,12 +160,9 @@ TEST(StatisticsCodec, LeavesNothingOfAChunkThatOverflows) {
     const auto added = StatisticsUnpacker(into).add(packed.chunks[0]);
     return !added && added.error().kind == ErrorKind::kInternal && equal(before, into);
   };
-  EXPECT_TRUE(refused(
-      [](Statistics& s) { s.pixels[8000].direct[2] = std::numeric_limits<std::int64_t>::max() - 5; }));
-  EXPECT_TRUE(
-      refused([](Statistics& s) { s.pixels[8000].photons[1] = std::numeric_limits<std::uint32_t>::max(); }));
-  EXPECT_TRUE(
-      refused([](Statistics& s) { s.features[5].albedo.fill(std::numeric_limits<std::int16_t>::max()); }));
+  EXPECT_TRUE(refused([](Statistics& s) { s.pixels[8000].direct[2] = std::numeric_limits<std::int64_t>::max() - 5; }));
+  EXPECT_TRUE(refused([](Statistics& s) { s.pixels[8000].photons[1] = std::numeric_limits<std::uint32_t>::max(); }));
+  EXPECT_TRUE(refused([](Statistics& s) { s.features[5].albedo.fill(std::numeric_limits<std::int16_t>::max()); }));
   EXPECT_TRUE(refused([](Statistics& s) { s.features[5].depth_and_samples = 15; }))
       << "16 samples do not fit four bits";
   EXPECT_FALSE(refused([](Statistics&) {}));

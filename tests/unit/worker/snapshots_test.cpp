@@ -1,5 +1,5 @@
-#include "tests/support/paths.h"
 #include "worker/snapshots.h"
+#include "tests/support/paths.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -93,7 +93,9 @@ TEST(Snapshots, WaitForTheFirstWholePass) {
   EXPECT_GE(result.snapshots[0].passes, 1u);
   const std::vector<float> pixels = beauty(result.snapshots[0].exr);
   // So wide an image sees past the box.
-  const RenderResult whole = rendered(folder / "whole", {"integrator.type=photon_map", "stop.passes=4", "image.width=200", "image.height=70"}, {}, clock);
+  const RenderResult whole =
+      rendered(folder / "whole", {"integrator.type=photon_map", "stop.passes=4", "image.width=200", "image.height=70"},
+               {}, clock);
   const std::vector<float> complete = beauty(whole.exr);
   EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0.0f), std::count(complete.begin(), complete.end(), 0.0f));
   EXPECT_EQ(result.snapshots[0].budget, 2.0);

@@ -23,12 +23,12 @@ class HttpAccess : public HttpTest {
     EXPECT_EQ(reply.status, 201) << reply.body;
     return json::parse(reply.body).value("token", "");
   }
-  [[nodiscard]] int status(const std::string& bearer, const std::string& method,
-                           const std::string& path) const {
+  [[nodiscard]] int status(const std::string& bearer, const std::string& method, const std::string& path) const {
     HeaderList headers = {{"Authorization", "Bearer " + bearer}};
     if (method != "GET" && method != "HEAD")
       headers.insert(headers.end(), {{"Content-Type", "application/json"}, {"Content-Length", "18"}});
-    return raw(head(method, path, headers, false) + (method == "GET" || method == "HEAD" ? "" : "{\"discard\": false}")).status;
+    return raw(head(method, path, headers, false) + (method == "GET" || method == "HEAD" ? "" : "{\"discard\": false}"))
+        .status;
   }
   [[nodiscard]] std::string submission(int width, std::uint64_t bytes) const {
     const json file = {{"path", "a.gltf"}, {"sha256", std::string(64, 'a')}, {"bytes", bytes}};
@@ -38,8 +38,7 @@ class HttpAccess : public HttpTest {
 
 TEST_F(HttpAccess, EachRoleMayDoItsOwnAndWhatIsBelow) {
   service_.put(FakeJobService::running("glass-1"));
-  const std::string read = token("viewer", "read"), submit = token("anna", "submit"),
-                    admin = token("boss", "admin");
+  const std::string read = token("viewer", "read"), submit = token("anna", "submit"), admin = token("boss", "admin");
   EXPECT_EQ(status(read, "GET", "/v1/jobs"), 200);
   EXPECT_EQ(status(read, "POST", "/v1/jobs/glass-1/cancel"), 403);
   EXPECT_EQ(status(read, "PUT", "/v1/blobs/" + std::string(64, 'a')), 403);
@@ -80,10 +79,9 @@ TEST_F(HttpAccess, ARevokedTokenOpensNothing) {
 }
 
 TEST_F(HttpAccess, BadTokensAreNotMade) {
-  for (const char* body :
-       {"", "[]", "{}", R"({"name": "a"})", R"({"name": "a", "role": "root"})",
-        R"({"name": "../a", "role": "read"})", R"({"name": "A", "role": "read"})",
-        R"({"name": "bootstrap", "role": "read"})", R"({"name": "a", "role": "read", "more": 1})"}) {
+  for (const char* body : {"", "[]", "{}", R"({"name": "a"})", R"({"name": "a", "role": "root"})",
+                           R"({"name": "../a", "role": "read"})", R"({"name": "A", "role": "read"})",
+                           R"({"name": "bootstrap", "role": "read"})", R"({"name": "a", "role": "read", "more": 1})"}) {
     EXPECT_EQ(post("/v1/tokens", body).status, 422) << body;
   }
   static_cast<void>(token("anna", "read"));
@@ -129,7 +127,8 @@ TEST_F(HttpAccess, JobsBeyondTheLimitsAreNotTaken) {
   EXPECT_EQ(post("/v1/jobs", submission(1000, 5000)).status, 201);
   EXPECT_EQ(post("/v1/jobs", submission(1001, 5000)).status, 413);
   EXPECT_EQ(post("/v1/jobs", submission(1000, 5001)).status, 413);
-  EXPECT_EQ(post("/v1/jobs", R"({"spec": {"image": {"width": 100000}}, "files": []})").status, 413) << "the other side's default counts";
+  EXPECT_EQ(post("/v1/jobs", R"({"spec": {"image": {"width": 100000}}, "files": []})").status, 413)
+      << "the other side's default counts";
   EXPECT_EQ(service_.submissions.size(), 1U);
 }
 
@@ -149,10 +148,8 @@ TEST_F(HttpAccess, NobodyElseReachesAPlainService) {
     EXPECT_EQ(exit_code(refused.error().kind), 2);
     EXPECT_NE(refused.error().message.find("http.certificate"), std::string::npos);
   }
-  for (const char* host : {"127.0.0.1", "127.8.9.1", "::1", "localhost"})
-    EXPECT_TRUE(is_loopback(host)) << host;
-  for (const char* host : {"127.0.0.1.evil.org", "128.0.0.1", "", "::2"})
-    EXPECT_FALSE(is_loopback(host)) << host;
+  for (const char* host : {"127.0.0.1", "127.8.9.1", "::1", "localhost"}) EXPECT_TRUE(is_loopback(host)) << host;
+  for (const char* host : {"127.0.0.1.evil.org", "128.0.0.1", "", "::2"}) EXPECT_FALSE(is_loopback(host)) << host;
 }
 
 TEST_F(HttpAccess, NoAddressLeadsOutOfItsFolder) {
@@ -160,12 +157,10 @@ TEST_F(HttpAccess, NoAddressLeadsOutOfItsFolder) {
   std::ofstream(temp_ / "secret") << "secret";
   for (const char* path :
        {"/v1/jobs/../secret", "/v1/jobs/%2e%2e/checkpoint", "/v1/jobs/..%2f..%2fsecret/checkpoint",
-        "/v1/blobs/../token", "/v1/blobs/%2e%2e%2ftoken", "/v1/tokens/../token",
-        "/v1/jobs/glass-1/../../token", "//token", "/../token", "/v1/jobs/glass-1%00/checkpoint",
-        "/assets/../token", "/assets/%2e%2e/token"}) {
+        "/v1/blobs/../token", "/v1/blobs/%2e%2e%2ftoken", "/v1/tokens/../token", "/v1/jobs/glass-1/../../token",
+        "//token", "/../token", "/v1/jobs/glass-1%00/checkpoint", "/assets/../token", "/assets/%2e%2e/token"}) {
     const RawReply reply = get(path);
-    EXPECT_TRUE(reply.status == 404 || reply.status == 400 || reply.status == 405)
-        << path << " " << reply.status;
+    EXPECT_TRUE(reply.status == 404 || reply.status == 400 || reply.status == 405) << path << " " << reply.status;
     EXPECT_EQ(reply.body.find(server_->token()), std::string::npos) << path;
   }
 }
@@ -174,8 +169,8 @@ TEST_F(HttpAccess, NothingIsUnpacked) {
   // A megabyte of zeros packs into a thousand bytes, and a terabyte into a megabyte: what comes packed is not
   // taken.
   for (const char* encoding : {"gzip", "deflate", "br", "zstd", "identity, gzip"}) {
-    const RawReply reply = call(
-        "POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", encoding}}, "bomb");
+    const RawReply reply =
+        call("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", encoding}}, "bomb");
     EXPECT_EQ(reply.status, 415) << encoding;
   }
   EXPECT_TRUE(service_.submissions.empty());

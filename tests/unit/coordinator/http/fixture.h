@@ -33,16 +33,15 @@ class HttpTest : public testing::Test {
     ASSERT_TRUE(server) << server.error().message;
     server_ = std::move(*server);
   }
-  [[nodiscard]] std::string head(const std::string& method, const std::string& path,
-                                 const HeaderList& headers, bool with_token = true) const {
+  [[nodiscard]] std::string head(const std::string& method, const std::string& path, const HeaderList& headers,
+                                 bool with_token = true) const {
     std::string text = method + " " + path + " HTTP/1.1\r\nHost: test\r\n";
     if (with_token) text += "Authorization: Bearer " + server_->token() + "\r\n";
     for (const auto& [name, value] : headers) text += name + ": " + value + "\r\n";
     return text + "\r\n";
   }
-  [[nodiscard]] RawReply call(const std::string& method, const std::string& path,
-                              const HeaderList& headers = {}, const std::string& body = {},
-                              bool with_token = true) const {
+  [[nodiscard]] RawReply call(const std::string& method, const std::string& path, const HeaderList& headers = {},
+                              const std::string& body = {}, bool with_token = true) const {
     HeaderList all = headers;
     if (method == "POST" || method == "PUT") all.emplace_back("Content-Length", std::to_string(body.size()));
     return raw(head(method, path, all, with_token) + body);

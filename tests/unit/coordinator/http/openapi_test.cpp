@@ -75,7 +75,8 @@ TEST(OpenApi, NamesTheRoleThatEachOperationNeeds) {
 
 class OpenApiAnswers : public HttpTest {
  protected:
-  void expect_fits(const std::string& method, const std::string& path, const std::string& documented, const std::string& body = {}) {
+  void expect_fits(const std::string& method, const std::string& path, const std::string& documented,
+                   const std::string& body = {}) {
     HeaderList headers;
     if (!body.empty()) headers = {{"Content-Type", "application/json"}};
     if (method == "PATCH") headers.emplace_back("Content-Length", std::to_string(body.size()));
@@ -91,7 +92,8 @@ class OpenApiAnswers : public HttpTest {
     const json value = json::parse(reply.body, nullptr, false);
     ASSERT_FALSE(value.is_discarded()) << reply.body;
     if (!response.at("content").at(type).contains("schema")) return;
-    EXPECT_EQ(misfit(document(), value, response.at("content").at(type).at("schema"), "answer"), "") << method << " " << path;
+    EXPECT_EQ(misfit(document(), value, response.at("content").at(type).at("schema"), "answer"), "")
+        << method << " " << path;
   }
 };
 
@@ -101,13 +103,15 @@ TEST_F(OpenApiAnswers, FitTheirSchemas) {
   job.estimated_error = 0.5;
   service_.put(job);
   service_.put(FakeJobService::running("glass-2"));
-  service_.all_units = {{0, 4, {0, 0, 16, 16}, "done", 2, "host-a-1", 1.5, 1, "aa"}, {4, 2, {}, "out", 1, "", 0, 0, ""}};
+  service_.all_units = {{0, 4, {0, 0, 16, 16}, "done", 2, "host-a-1", 1.5, 1, "aa"},
+                        {4, 2, {}, "out", 1, "", 0, 0, ""}};
   service_.points = {{0.5, 2, 1, 1000, std::nullopt}, {1.0, 4, 2, 2000, 0.25}};
   expect_fits("GET", "/v1/health", "/v1/health");
   expect_fits("GET", "/v1/openapi.json", "/v1/openapi.json");
   expect_fits("GET", "/v1/jobs", "/v1/jobs");
   expect_fits("GET", "/v1/jobs?state=no", "/v1/jobs");
-  expect_fits("POST", "/v1/jobs", "/v1/jobs", R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})");
+  expect_fits("POST", "/v1/jobs", "/v1/jobs",
+              R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})");
   expect_fits("POST", "/v1/jobs", "/v1/jobs", "{}");
   expect_fits("GET", "/v1/jobs/glass-1", "/v1/jobs/{id}");
   expect_fits("GET", "/v1/jobs/glass-9", "/v1/jobs/{id}");
@@ -119,7 +123,8 @@ TEST_F(OpenApiAnswers, FitTheirSchemas) {
   expect_fits("POST", "/v1/jobs/glass-2/extend", "/v1/jobs/{id}/extend", R"({"passes": 99})");
   expect_fits("GET", "/v1/jobs/glass-1/units", "/v1/jobs/{id}/units");
   expect_fits("GET", "/v1/jobs/glass-1/convergence", "/v1/jobs/{id}/convergence");
-  expect_fits("POST", "/v1/estimates", "/v1/estimates", R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})");
+  expect_fits("POST", "/v1/estimates", "/v1/estimates",
+              R"({"spec": {"job": {"name": "glass"}, "scene": {"file": "a.glb"}}, "files": []})");
   expect_fits("GET", "/v1/jobs/glass-1/estimate", "/v1/jobs/{id}/estimate");
   service_.pilot = {.points = {{1, 0.5, 0.4}, {2, 0.5, 0.3}}};
   expect_fits("GET", "/v1/jobs/glass-1/estimate?passes=100", "/v1/jobs/{id}/estimate");

@@ -21,8 +21,7 @@ LayeredImage small_image() {
   LayeredImage image;
   image.width = 6;
   image.height = 3;
-  Layer beauty{"", {"R", "G", "B"}, {}}, depth{"depth", {"Z"}, {}},
-      radius{"radius", {"caustic", "indirect"}, {}};
+  Layer beauty{"", {"R", "G", "B"}, {}}, depth{"depth", {"Z"}, {}}, radius{"radius", {"caustic", "indirect"}, {}};
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
       for (const float v : {static_cast<float>(x), static_cast<float>(y), 1e9F}) beauty.data.push_back(v);
@@ -184,8 +183,7 @@ TEST_F(WebRoutes, ThePageNeedsNoTokenAndTrustsNothingElse) {
   EXPECT_EQ(reply.status, 200);
   EXPECT_EQ(reply.body, "<p>page");
   const std::string policy = reply.headers.at("content-security-policy");
-  for (const char* part :
-       {"default-src 'none'", "script-src 'self'", "style-src 'self'", "frame-ancestors 'none'"})
+  for (const char* part : {"default-src 'none'", "script-src 'self'", "style-src 'self'", "frame-ancestors 'none'"})
     EXPECT_NE(policy.find(part), std::string::npos) << part;
   EXPECT_EQ(policy.find("unsafe"), std::string::npos);
   EXPECT_EQ(reply.headers.at("referrer-policy"), "no-referrer");

@@ -26,29 +26,26 @@ TEST_F(HttpRoutesTest, HealthNeedsNoToken) {
 }
 
 TEST_F(HttpRoutesTest, EverythingElseNeedsTheToken) {
-  for (const char* path :
-       {"/v1/jobs", "/v1/jobs/glass-1a2b", "/v1/workers", "/v1/jobs/x/image.exr", "/nowhere"}) {
+  for (const char* path : {"/v1/jobs", "/v1/jobs/glass-1a2b", "/v1/workers", "/v1/jobs/x/image.exr", "/nowhere"}) {
     const RawReply reply = call("GET", path, {}, {}, false);
     EXPECT_EQ(reply.status, 401) << path;
     EXPECT_NE(problem(reply).find("token"), std::string::npos);
     EXPECT_EQ(reply.headers.at("www-authenticate"), "Bearer realm=\"photonfarm\"");
   }
-  for (const std::string& given :
-       {std::string("Bearer "), std::string("Bearer wrong"), "Basic " + server_->token(),
-        "Bearer " + server_->token() + "0", server_->token()}) {
+  for (const std::string& given : {std::string("Bearer "), std::string("Bearer wrong"), "Basic " + server_->token(),
+                                   "Bearer " + server_->token() + "0", server_->token()}) {
     EXPECT_EQ(call("GET", "/v1/jobs", {{"Authorization", given}}, {}, false).status, 401) << given;
   }
-  EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "application/json"}}, submission(), false).status,
-            401);
+  EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "application/json"}}, submission(), false).status, 401);
   EXPECT_EQ(call("PUT", "/v1/blobs/" + sha256_hex(std::string_view("x")), {}, "x", false).status, 401);
   EXPECT_TRUE(service_.submissions.empty());
 }
 
 TEST_F(HttpRoutesTest, SubmitHandsSpecFilesAndKeyOver) {
   const std::string hash = sha256_hex(std::string_view("abc"));
-  const RawReply reply = call(
-      "POST", "/v1/jobs", {{"Content-Type", "application/json; charset=utf-8"}, {"Idempotency-Key", "k-1"}},
-      submission(R"([{"path": "scenes/a.gltf", "sha256": ")" + hash + R"(", "bytes": 3}])"));
+  const RawReply reply =
+      call("POST", "/v1/jobs", {{"Content-Type", "application/json; charset=utf-8"}, {"Idempotency-Key", "k-1"}},
+           submission(R"([{"path": "scenes/a.gltf", "sha256": ")" + hash + R"(", "bytes": 3}])"));
   EXPECT_EQ(reply.status, 201);
   EXPECT_EQ(reply.headers.at("location"), "/v1/jobs/glass-1a2b");
   EXPECT_EQ(json::parse(reply.body)["id"], "glass-1a2b");
@@ -61,8 +58,7 @@ TEST_F(HttpRoutesTest, SubmitHandsSpecFilesAndKeyOver) {
 }
 
 TEST_F(HttpRoutesTest, PlacesInTheSpecArePlacesOfTheBody) {
-  service_.submit_error =
-      Error{ErrorKind::kInvalidSpec, "request:3:12: unknown key 'photon'; expected 'photons'"};
+  service_.submit_error = Error{ErrorKind::kInvalidSpec, "request:3:12: unknown key 'photon'; expected 'photons'"};
   const RawReply reply = post("/v1/jobs", "{\"files\": [],\n \"spec\":\n  {\"a\": 1,\n   \"b\": 2}\n}");
   EXPECT_EQ(reply.status, 422);
   EXPECT_EQ(problem(reply, "place"), "request:3:12");
@@ -73,8 +69,7 @@ TEST_F(HttpRoutesTest, PlacesInTheSpecArePlacesOfTheBody) {
 TEST_F(HttpRoutesTest, BadBodiesAreRefusedWithTheMember) {
   const std::string hash(64, 'a');
   const auto with_file = [&](const std::string& path, const std::string& sha256, const std::string& bytes) {
-    return submission(R"([{"path": ")" + path + R"(", "sha256": ")" + sha256 + R"(", "bytes": )" + bytes +
-                      "}]");
+    return submission(R"([{"path": ")" + path + R"(", "sha256": ")" + sha256 + R"(", "bytes": )" + bytes + "}]");
   };
   const std::vector<std::pair<std::string, std::string>> bodies = {
       {"", "not valid JSON"},
@@ -121,36 +116,28 @@ TEST_F(HttpRoutesTest, BadBodiesAreRefusedWithTheMember) {
 
 TEST_F(HttpRoutesTest, OnlyJsonOfKnownAndBoundedLengthIsRead) {
   EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "text/plain"}}, submission()).status, 415);
-  EXPECT_EQ(
-      call("POST", "/v1/jobs", {{"Content-Type", "multipart/form-data; boundary=x"}}, submission()).status,
-      415);
-  EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", "gzip"}},
-                 submission())
+  EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "multipart/form-data; boundary=x"}}, submission()).status, 415);
+  EXPECT_EQ(call("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Encoding", "gzip"}}, submission())
                 .status,
             415);
   EXPECT_EQ(raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}})).status, 411);
-  EXPECT_EQ(
-      raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Transfer-Encoding", "chunked"}}) +
-          "2\r\n{}\r\n0\r\n\r\n")
-          .status,
-      411);
+  EXPECT_EQ(raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Transfer-Encoding", "chunked"}}) +
+                "2\r\n{}\r\n0\r\n\r\n")
+                .status,
+            411);
   for (const char* length : {"-1", "1x", "99999999999999999999999"}) {
-    EXPECT_EQ(
-        raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", length}}))
-            .status,
-        411)
+    EXPECT_EQ(raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", length}})).status,
+              411)
         << length;
   }
   EXPECT_EQ(
-      raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", "9999999999"}}))
-          .status,
+      raw(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", "9999999999"}})).status,
       413);
-  EXPECT_EQ(raw(head("POST", "/v1/jobs", {{"Content-Length", "2"}, {"Content-Length", "3"}}) + "{}").status,
-            400);
-  EXPECT_EQ(call("POST", "/v1/jobs",
-                 {{"Content-Type", "application/json"}, {"Idempotency-Key", std::string(129, 'k')}}, "{}")
-                .status,
-            400);
+  EXPECT_EQ(raw(head("POST", "/v1/jobs", {{"Content-Length", "2"}, {"Content-Length", "3"}}) + "{}").status, 400);
+  EXPECT_EQ(
+      call("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Idempotency-Key", std::string(129, 'k')}}, "{}")
+          .status,
+      400);
   RawConnection cut(server_->url());
   cut.send(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", "100"}}) + "{");
   EXPECT_TRUE(service_.submissions.empty());
@@ -209,9 +196,9 @@ TEST_F(HttpRoutesTest, ListsWorkers) {
 }
 
 TEST_F(HttpRoutesTest, ErrorKindsBecomeStatusCodes) {
-  const std::vector<std::pair<ErrorKind, int>> table = {
-      {ErrorKind::kUsage, 404},       {ErrorKind::kInvalidSpec, 422}, {ErrorKind::kInvalidInput, 422},
-      {ErrorKind::kUnavailable, 429}, {ErrorKind::kTimeout, 503},     {ErrorKind::kInternal, 500}};
+  const std::vector<std::pair<ErrorKind, int>> table = {{ErrorKind::kUsage, 404},        {ErrorKind::kInvalidSpec, 422},
+                                                        {ErrorKind::kInvalidInput, 422}, {ErrorKind::kUnavailable, 429},
+                                                        {ErrorKind::kTimeout, 503},      {ErrorKind::kInternal, 500}};
   for (const auto& [kind, status] : table) {
     service_.submit_error = Error{kind, "why \xff"};
     const RawReply reply = post("/v1/jobs", submission());
@@ -238,10 +225,10 @@ TEST_F(HttpRoutesTest, WrongMethodsAndAddressesAreNamed) {
 TEST_F(HttpRoutesTest, NoPathLeadsOutOfTheApi) {
   service_.put(FakeJobService::running("glass-1"));
   std::ofstream(temp_ / "secret") << "secret";
-  for (const char* path : {"/v1/jobs/../secret", "/v1/jobs/..%2Fsecret", "/v1/jobs/%2e%2e/image.exr",
-                           "/v1/jobs/glass-1/../../secret", "/v1/blobs/..%2f..%2fsecret", "/v1/blobs/%00",
-                           "/v1/jobs/a%00b", "/v1/jobs/%ff%fe", "/../../etc/passwd", "//etc/passwd",
-                           "/v1/jobs/GLASS-1", "/v1/jobs/%0d%0aX-Evil:1", "*", "/v1/jobs/a%20b"}) {
+  for (const char* path :
+       {"/v1/jobs/../secret", "/v1/jobs/..%2Fsecret", "/v1/jobs/%2e%2e/image.exr", "/v1/jobs/glass-1/../../secret",
+        "/v1/blobs/..%2f..%2fsecret", "/v1/blobs/%00", "/v1/jobs/a%00b", "/v1/jobs/%ff%fe", "/../../etc/passwd",
+        "//etc/passwd", "/v1/jobs/GLASS-1", "/v1/jobs/%0d%0aX-Evil:1", "*", "/v1/jobs/a%20b"}) {
     for (const char* method : {"GET", "HEAD"}) {
       const RawReply reply = call(method, path);
       EXPECT_TRUE(reply.status == 404 || reply.status == 400) << method << " " << path << " " << reply.status;
@@ -285,8 +272,7 @@ TEST_F(HttpRoutesTest, AnUploadThatBreaksOffLeavesNothing) {
   const std::string content(1'000'000, 'y'), name = sha256_hex(content);
   {
     RawConnection connection(server_->url());
-    connection.send(head("PUT", "/v1/blobs/" + name, {{"Content-Length", "1000000"}}) +
-                    content.substr(0, 500'000));
+    connection.send(head("PUT", "/v1/blobs/" + name, {{"Content-Length", "1000000"}}) + content.substr(0, 500'000));
   }
   EXPECT_EQ(call("PUT", "/v1/blobs/" + name, {}, content).status, 201);
   EXPECT_EQ(call("HEAD", "/v1/blobs/" + name).status, 200);

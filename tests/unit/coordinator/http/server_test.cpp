@@ -75,9 +75,8 @@ TEST_F(HttpServerTest, FilesComeInRanges) {
     const RawReply reply = get(path, {{"Range", range}});
     EXPECT_EQ(reply.status, 206) << range;
     EXPECT_EQ(reply.body, content.substr(offset, bytes)) << range;
-    EXPECT_EQ(reply.headers.at("content-range"), "bytes " + std::to_string(offset) + "-" +
-                                                     std::to_string(offset + bytes - 1) + "/" +
-                                                     std::to_string(n));
+    EXPECT_EQ(reply.headers.at("content-range"),
+              "bytes " + std::to_string(offset) + "-" + std::to_string(offset + bytes - 1) + "/" + std::to_string(n));
   };
   part("bytes=0-0", 0, 1);
   part("bytes=1000-", 1000, n - 1000);
@@ -124,9 +123,8 @@ TEST_F(HttpServerTest, OddRangeHeadersDoNoHarm) {
   std::string many = "bytes=0-0";
   while (many.size() < 3900) many += ",0-0";
   for (const std::string& range :
-       {many, std::string("bytes="), std::string("bytes=-"), std::string("bytes=5-2"),
-        std::string("bytes=a-b"), std::string("lines=1-2"), std::string("bytes=99999999999999999999-"),
-        std::string("bytes=-0")}) {
+       {many, std::string("bytes="), std::string("bytes=-"), std::string("bytes=5-2"), std::string("bytes=a-b"),
+        std::string("lines=1-2"), std::string("bytes=99999999999999999999-"), std::string("bytes=-0")}) {
     const int status = get("/v1/jobs/glass-1/image.png", {{"Range", range}}).status;
     EXPECT_TRUE(status == 200 || status == 416) << range.substr(0, 40) << " " << status;
   }
@@ -169,8 +167,7 @@ TEST_F(HttpServerTest, SlowClientsAreCutOff) {
   half.send("GET /v1/hea");
   EXPECT_TRUE(half.receive().starts_with("HTTP/1.1 408"));
   RawConnection body(server_->url());
-  body.send(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", "100"}}) +
-            "{");
+  body.send(head("POST", "/v1/jobs", {{"Content-Type", "application/json"}, {"Content-Length", "100"}}) + "{");
   EXPECT_TRUE(body.receive().starts_with("HTTP/1.1 408"));
 }
 

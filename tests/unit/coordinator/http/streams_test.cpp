@@ -39,8 +39,7 @@ TEST_F(HttpStreamsTest, WhatDoesNotConcernAJobIsNoEventOfIt) {
   service_.put(job);
   const std::string body = parse_reply(connection.receive()).body;
   std::size_t events = 0;
-  for (std::size_t at = body.find("event: job"); at != std::string::npos;
-       at = body.find("event: job", at + 1))
+  for (std::size_t at = body.find("event: job"); at != std::string::npos; at = body.find("event: job", at + 1))
     ++events;
   EXPECT_EQ(events, 2U) << body;
 }
@@ -91,8 +90,7 @@ TEST_F(HttpStreamsTest, TheServerStopsAtOnceWhileClientsWatch) {
   std::vector<std::unique_ptr<RawConnection>> watchers;
   for (int i = 0; i < 20; ++i) {
     watchers.push_back(std::make_unique<RawConnection>(server_->url()));
-    watchers.back()->send(
-        head("GET", i % 2 == 0 ? "/v1/jobs/glass-1/events" : "/v1/jobs/glass-1/logs?follow=1", {}));
+    watchers.back()->send(head("GET", i % 2 == 0 ? "/v1/jobs/glass-1/events" : "/v1/jobs/glass-1/logs?follow=1", {}));
     watchers.back()->receive("\r\n\r\n");
   }
   RawConnection silent(server_->url()), half(server_->url());

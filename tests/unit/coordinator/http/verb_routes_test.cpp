@@ -14,8 +14,8 @@ class VerbRoutes : public HttpTest {
     service_.put(FakeJobService::running("glass-1"));
   }
   [[nodiscard]] RawReply patch(const std::string& path, const std::string& body) const {
-    return call("PATCH", path,
-                {{"Content-Type", "application/json"}, {"Content-Length", std::to_string(body.size())}}, body);
+    return call("PATCH", path, {{"Content-Type", "application/json"}, {"Content-Length", std::to_string(body.size())}},
+                body);
   }
 };
 

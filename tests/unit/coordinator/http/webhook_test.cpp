@@ -133,8 +133,7 @@ TEST(WebhookTest, TellsAReceiverThatFailsAtFirst) {
   EXPECT_NE(last.head.find("Photonfarm-Delivery: glass-1-5\r\n"), std::string::npos) << last.head;
   const std::size_t at = last.head.find("Photonfarm-Signature: t=") + 24;
   const std::int64_t seconds = std::stoll(last.head.substr(at));
-  EXPECT_NE(last.head.find(webhook_signature("a-secret-of-the-operator", seconds, last.body)),
-            std::string::npos);
+  EXPECT_NE(last.head.find(webhook_signature("a-secret-of-the-operator", seconds, last.body)), std::string::npos);
   EXPECT_EQ(receiver.requests()[0].body, last.body);
 }
 
