@@ -103,7 +103,8 @@ class NatsCoordinatorPort final : public CoordinatorPort {
 class NatsWorkerPort final : public WorkerPort {
  public:
   /// Connects and listens; the work queue may come later. Errors: kUnavailable, kUsage (options).
-  [[nodiscard]] static Result<std::unique_ptr<NatsWorkerPort>> connect(const EngineOptions& options, EventSink sink);
+  [[nodiscard]] static Result<std::unique_ptr<NatsWorkerPort>> connect(const EngineOptions& options,
+                                                                       const EventSink& sink);
   /// Sends what waits to be sent, for at most a few seconds.
   ~NatsWorkerPort() override;
 

@@ -20,10 +20,10 @@ struct NatsWorkerPort::Impl {
 NatsWorkerPort::NatsWorkerPort(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 NatsWorkerPort::~NatsWorkerPort() = default;
 
-Result<std::unique_ptr<NatsWorkerPort>> NatsWorkerPort::connect(const EngineOptions& options, EventSink sink) {
+Result<std::unique_ptr<NatsWorkerPort>> NatsWorkerPort::connect(const EngineOptions& options, const EventSink& sink) {
   auto impl = std::make_unique<Impl>(options);
   Result<std::unique_ptr<Link>> link =
-      Link::open(options, std::move(sink), [fetcher = &impl->fetcher] { fetcher->on_reconnected(); });
+      Link::open(options, sink, [fetcher = &impl->fetcher] { fetcher->on_reconnected(); });
   if (!link) return tl::unexpected(link.error());
   impl->link = std::move(*link);
   Result<void> listening;
