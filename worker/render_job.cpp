@@ -247,6 +247,7 @@ Result<LoadedJob> plan_job(const JobSpec& spec, const Clock& clock) {
   const double piloted_from = clock.now();
   job.pilot = fly_pilot(*job.scene, *job.camera, spec);
   job.pilot_seconds = clock.now() - piloted_from;
+  job.pilot.emission = fly_emission_pilot(*job.scene, *job.camera, spec);
   job.plan = make_plan(spec, job.facts, job.pilot);
   job.load_seconds = clock.now() - start;
   return job;
@@ -257,7 +258,8 @@ Result<LoadedJob> load_job_scene(const JobSpec& spec, const Clock& clock) {
   if (!job) return job;
   const double start = clock.now();
   job->integrator =
-      make_integrator(job->plan.algorithm, *job->scene, *job->camera, job->plan.resolve(spec), std::move(job->parts));
+      make_integrator(job->plan.algorithm, *job->scene, *job->camera, job->plan.resolve(spec), std::move(job->parts),
+                      job->plan.guided_emission ? job->pilot.emission.guide : EmissionGuide());
   job->load_seconds += clock.now() - start;
   return job;
 }

@@ -46,9 +46,10 @@ struct JobSpec {
     std::int64_t photons = 0;  ///< paths per sub-pass; 0: photon_paths() chooses
     double round_growth = 0.25;
     double alpha = 0.6667;
-    double initial_radius = 0.0;  ///< metres; 0: per pixel, from the scene
-    int max_depth = 32;           ///< bounces; 0: no bound but Russian roulette
-    bool error_estimate = false;  ///< ppm, sppm: layers of noise and bias
+    double initial_radius = 0.0;            ///< metres; 0: per pixel, from the scene
+    int max_depth = 32;                     ///< bounces; 0: no bound but Russian roulette
+    Switch guide_emission = Switch::kAuto;  ///< ppm, sppm; the planner resolves kAuto
+    bool error_estimate = false;            ///< ppm, sppm: layers of noise and bias
     std::uint64_t seed = 1;
   } integrator;
   struct Ppm {

@@ -48,6 +48,16 @@ TEST(Agreement, OfRoughMetalAndPlastic) {
   expect_same_image(*maker.build(), job(24, 24, IntegratorType::kPath, 6000), 48, 6, 0.01, 0.005);
 }
 
+// Guided photons bring the same light, from walls and from rough metal.
+TEST(Agreement, OfGuidedPhotons) {
+  JobSpec spec = job(24, 24, IntegratorType::kPath, 6000);
+  spec.integrator.guide_emission = Switch::kOn;
+  expect_same_image(*diffuse_box().build(), spec, 48, 6, 0.01, 0.005);
+  SceneMaker maker = glossy_room();
+  maker.sphere({-0.4f, -0.6f, -0.2f}, 0.38f, maker.metal({0.9f, 0.8f, 0.6f}, 0.3f), 32);
+  expect_same_image(*maker.build(), spec, 48, 6, 0.01, 0.005);
+}
+
 // No threshold between "gather here" and "follow the reflection": at any roughness both give the path
 // tracer's mean.
 TEST(Agreement, HoldsAtEveryRoughness) {

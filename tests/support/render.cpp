@@ -3,11 +3,15 @@
 #include <algorithm>
 
 #include "worker/integrators/factory.h"
+#include "worker/integrators/guided_emission.h"
 
 namespace pf::test {
 
 std::unique_ptr<const Integrator> make_integrator(const Scene& scene, const JobSpec& spec) {
-  return pf::make_integrator(spec.integrator.type, scene, scene.cameras().front(), spec);
+  const Camera& camera = scene.cameras().front();
+  EmissionGuide guide;
+  if (spec.integrator.guide_emission == Switch::kOn) guide = learn_emission(scene, camera, spec).guide;
+  return pf::make_integrator(spec.integrator.type, scene, camera, spec, {}, std::move(guide));
 }
 
 Film render(const Integrator& integrator, std::uint64_t passes) {

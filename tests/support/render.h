@@ -14,7 +14,8 @@
 
 namespace pf::test {
 
-/// The algorithm of spec.integrator, which names one, seen by the scene's first camera.
+/// The algorithm of spec.integrator, which names one, seen by the scene's first camera; its photons are guided only
+/// where the job says so outright.
 [[nodiscard]] std::unique_ptr<const Integrator> make_integrator(const Scene& scene, const JobSpec& spec);
 
 /// Renders so many passes over the image, round by round, on the threads of the calling arena.

@@ -13,7 +13,8 @@
 namespace pf {
 
 std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Scene& scene, const Camera& camera,
-                                                  const JobSpec& spec, std::vector<ScenePart> parts) {
+                                                  const JobSpec& spec, std::vector<ScenePart> parts,
+                                                  EmissionGuide guide) {
   switch (type) {
     case IntegratorType::kPath:
       return std::make_unique<PathIntegrator>(scene, camera, spec);
@@ -26,9 +27,9 @@ std::unique_ptr<const Integrator> make_integrator(IntegratorType type, const Sce
     case IntegratorType::kPhotonSplat:
       return std::make_unique<PhotonSplatIntegrator>(scene, camera, spec);
     case IntegratorType::kPpm:
-      return std::make_unique<PpmIntegrator>(scene, camera, spec);
+      return std::make_unique<PpmIntegrator>(scene, camera, spec, std::move(guide));
     default:
-      return std::make_unique<SppmIntegrator>(scene, camera, spec);
+      return std::make_unique<SppmIntegrator>(scene, camera, spec, std::move(guide));
   }
 }
 

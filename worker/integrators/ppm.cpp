@@ -38,9 +38,10 @@ int most_hit_points(const Scene& scene, const Camera& camera, const JobSpec& spe
 
 }  // namespace
 
-PpmIntegrator::PpmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
+PpmIntegrator::PpmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec, EmissionGuide guide)
     : ProgressiveMapping(
           scene, camera, spec,
-          EyeSampling{static_cast<std::uint64_t>(spec.ppm.eye_samples), most_hit_points(scene, camera, spec)}) {}
+          EyeSampling{static_cast<std::uint64_t>(spec.ppm.eye_samples), most_hit_points(scene, camera, spec)},
+          std::move(guide)) {}
 
 }  // namespace pf

@@ -18,7 +18,7 @@ namespace pf {
 /// each.
 class PpmIntegrator final : public ProgressiveMapping {
  public:
-  PpmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec);
+  PpmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec, EmissionGuide guide = {});
 };
 
 }  // namespace pf

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "common/base/parallel.h"
 #include "worker/integrators/eye_paths.h"
@@ -11,34 +12,26 @@
 namespace pf {
 namespace {
 
-/// Photons of the first sub-pass that the first disc shall hold, and bounds of its radius in pixel footprints: wide
-/// where light is smooth, narrow for caustics. Chosen on the peer box: 600 to 800 photons lower its noise by 5 % and
-/// brighten corners.
-struct RadiusRule {
-  float photons;
-  float min_footprints;
-  float max_footprints;
-};
-constexpr std::array<RadiusRule, kFlows> kRadiusRules{RadiusRule{12.0f, 0.75f, 3.0f}, RadiusRule{400.0f, 1.0f, 16.0f}};
-
-/// `photons` above is for sub-passes of this many paths; others get p^(2/3) times as many, so that the radius after a
-/// given total of paths, which shrinks with the cube root of the sub-passes, does not depend on how they are cut.
-constexpr double kRulePaths = 500000.0;
-
 DiscQuery query_at(const Vertex& vertex, float radius2) {
   return {vertex.point.position, vertex.bsdf.ng(), radius2, vertex.transmissive && !vertex.bsdf.gather_is_lambert()};
+}
+
+PhotonOptions guided(PhotonOptions options, const EmissionGuide& guide) {
+  options.guide = &guide;
+  return options;
 }
 
 }  // namespace
 
 ProgressiveMapping::ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec,
-                                       const EyeSampling& sampling)
+                                       const EyeSampling& sampling, EmissionGuide guide)
     : scene_(scene),
       sampling_(sampling),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
-      tracer_(scene, photon_options(spec)),
-      fixed_radius_(spec.integrator.initial_radius),
-      scene_radius_(0.5f * length(scene.bounds().size())),
+      guide_(std::move(guide)),
+      tracer_(scene, guided(photon_options(spec), guide_)),
+      first_radius_{spec.integrator.initial_radius, 0.5f * length(scene.bounds().size()),
+                    static_cast<double>(tracer_.options().paths)},
       max_depth_(spec.integrator.max_depth) {
   film_.width = spec.image.width;
   film_.height = spec.image.height;
@@ -78,7 +71,7 @@ struct ProgressiveMapping::RadiusSink {
     const std::size_t point = std::min(gathers++, points.size() - 1);
     ProgressivePixel& pixel = points[point];
     for (const Flow flow : {kCaustic, kIndirect}) {
-      const float radius2 = integrator.first_radius2(photons[flow], flow, vertex, footprint);
+      const float radius2 = integrator.first_radius_.squared(photons[flow], flow, query_at(vertex, 0.0f), footprint);
       float& least = pixel[flow].radius2;
       least = least > 0.0f ? std::min(least, radius2) : radius2;
     }
@@ -87,24 +80,6 @@ struct ProgressiveMapping::RadiusSink {
     owners.push_back(first + point);
   }
 };
-
-float ProgressiveMapping::first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex, float footprint) const {
-  if (fixed_radius_ > 0.0) return static_cast<float>(fixed_radius_ * fixed_radius_);
-  const RadiusRule& rule = kRadiusRules[flow];
-  // No disc is wider than a part of the scene, however far away the surface is seen from.
-  constexpr float kMaxSceneShare = 0.05f;  // 0.08 brightens the corners of the peer box visibly
-  const float largest = std::min(rule.max_footprints * footprint, kMaxSceneShare * scene_radius_);
-  const float smallest = std::min(rule.min_footprints * footprint, largest);
-  DiscQuery query = query_at(vertex, largest * largest);
-  auto found = static_cast<float>(photons.count(query));
-  const auto wanted = static_cast<float>(rule.photons * std::pow(tracer_.options().paths / kRulePaths, 2.0 / 3.0));
-  // On a surface the number found goes with the area.
-  for (int refinement = 0; refinement < 3 && found > wanted && query.radius2 > smallest * smallest; ++refinement) {
-    query.radius2 = std::max(query.radius2 * wanted / found, smallest * smallest);
-    found = static_cast<float>(photons.count(query));
-  }
-  return query.radius2;
-}
 
 std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
   const Trees trees = build_trees(tracer_.trace(0));
@@ -152,7 +127,8 @@ void ProgressiveMapping::fill_missing_radii(std::vector<ProgressivePixel>& state
   for (std::size_t i = state.size(); i > width; --i) adopt(state[i - 1 - width], state[i - 1]);
   constexpr float kFallbackShare = 0.01f;  // of the scene: nothing at all was met in the whole image
   ProgressivePixel fallback;
-  for (FlowState& flow : fallback.flow) flow.radius2 = kFallbackShare * kFallbackShare * scene_radius_ * scene_radius_;
+  for (FlowState& flow : fallback.flow)
+    flow.radius2 = kFallbackShare * kFallbackShare * first_radius_.scene_radius * first_radius_.scene_radius;
   for (ProgressivePixel& p : state) adopt(p, fallback);
 }
 

@@ -7,7 +7,9 @@
 #include "common/spec/job_spec.h"
 #include "worker/integrators/eye.h"
 #include "worker/integrators/eye_allocation.h"
+#include "worker/integrators/first_radius.h"
 #include "worker/integrators/integrator.h"
+#include "worker/photon/emission_guide.h"
 #include "worker/photon/photon_tracer.h"
 #include "worker/photon/photon_tree.h"
 
@@ -22,6 +24,7 @@ namespace pf {
 /// - the disc's area counts only where there is surface (covered_area.h), so that wide radii do not darken corners;
 /// - the first smooth boundaries split the eye path in two, so that a weak reflection of a lamp is no rare event;
 /// - pixels in which direct light varies take several samples of it a sub-pass and average them (eye_allocation.h);
+/// - photons start where it matters, by a guide that a pilot taught (guided_emission.h); without one, by flux;
 /// - rough reflections are gathered or followed by a share that is smooth in roughness (Bsdf::gather_share).
 class ProgressiveMapping : public Integrator {
  public:
@@ -36,7 +39,8 @@ class ProgressiveMapping : public Integrator {
     std::uint64_t fixed = 0;
     int hit_points = 1;  ///< statistics of a pixel; a pixel with more hit points lets the last ones share
   };
-  ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec, const EyeSampling& sampling);
+  ProgressiveMapping(const Scene& scene, const Camera& camera, const JobSpec& spec, const EyeSampling& sampling,
+                     EmissionGuide guide);
 
  private:
   using Trees = std::array<PhotonTree, kFlows>;
@@ -51,7 +55,6 @@ class ProgressiveMapping : public Integrator {
   [[nodiscard]] Trees build_trees(PhotonBatch batch) const;
   struct RadiusSink;
   struct RadianceSink;
-  [[nodiscard]] float first_radius2(GatherCursor& photons, Flow flow, const Vertex& vertex, float footprint) const;
   /// One pixel's eye samples of a sub-pass, whose photons `photons` asks.
   void gather_pixel(int x, int y, std::uint64_t sub_pass, const std::vector<ProgressivePixel>& state, Cursors& photons,
                     Statistics& sums, TileFigures& figures) const;
@@ -60,10 +63,10 @@ class ProgressiveMapping : public Integrator {
   const Scene& scene_;
   EyeSampling sampling_;
   Eye eye_;
+  EmissionGuide guide_;
   PhotonTracer tracer_;
+  FirstRadius first_radius_;
   FilmOptions film_;
-  double fixed_radius_;
-  float scene_radius_;  ///< half the diagonal of the scene's bounds [m]
   int max_depth_;
   /// Made by the first unit: who only looks at radii needs none.
   mutable std::once_flag allocating_;

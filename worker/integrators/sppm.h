@@ -1,5 +1,7 @@
 #pragma once
 
+#include <utility>
+
 #include "worker/integrators/progressive_mapping.h"
 
 namespace pf {
@@ -15,8 +17,8 @@ namespace pf {
 /// small part, which most photons never reach.
 class SppmIntegrator final : public ProgressiveMapping {
  public:
-  SppmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec)
-      : ProgressiveMapping(scene, camera, spec, EyeSampling{}) {}
+  SppmIntegrator(const Scene& scene, const Camera& camera, const JobSpec& spec, EmissionGuide guide = {})
+      : ProgressiveMapping(scene, camera, spec, EyeSampling{}, std::move(guide)) {}
 };
 
 }  // namespace pf

@@ -18,7 +18,7 @@ namespace pf {
 namespace {
 
 /// Paths are cut into chunks of a fixed size, each with its own batch, joined in order.
-constexpr std::uint32_t kChunk = 8192;
+constexpr std::uint32_t kChunkPaths = 8192;
 
 }  // namespace
 
@@ -71,6 +71,7 @@ struct PhotonTracer::Arrivals {
   Vec3x8 position, flux, wo, ng;
   Float8 wo_ng, wo_ns;
   Int8 bounce, specular_only;
+  Uint8 path;
 };
 
 /// Paths that wait to be emitted, with their first numbers drawn for eight at once.
@@ -102,6 +103,7 @@ class PhotonTracer::Start {
 void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const {
   const Uint8 paths = Uint8{0, 1, 2, 3, 4, 5, 6, 7} + first;
   const auto u = numbers.draw(paths, Uint8{}), more = numbers.draw(paths, Uint8{} + 1u);
+  if (guided()) return emit_guided(u, more[0], emissions);
   if (options_.projection == nullptr) return scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]}, emissions);
   emissions.lanes = 0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
@@ -111,6 +113,26 @@ void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, Emiss
     emissions.triangle[lane] = picked->triangle;
     emissions.barycentric[lane] = picked->barycentric;
   }
+}
+
+void PhotonTracer::emit_guided(std::array<Float8, 4> u, Float8 last, EmissionLanes& emissions) const {
+  Float8 weight;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const EmissionGuide::Drawn drawn =
+        options_.guide->draw({u[0][lane], u[1][lane], u[2][lane], u[3][lane], last[lane]});
+    for (std::size_t i = 0; i < u.size(); ++i) u[i][lane] = drawn.u[i];
+    last[lane] = drawn.u[4];
+    weight[lane] = drawn.weight;
+  }
+  scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], last}, emissions);
+  emissions.flux = emissions.flux * weight;
+}
+
+EmissionGuide::Drawn PhotonTracer::emission(std::uint64_t sub_pass, std::uint32_t path) const {
+  const PhotonNumbers numbers{options_.seed, sub_pass};
+  const auto u = numbers.draw(path, 0);
+  const EmissionGuide::Numbers all{u[0], u[1], u[2], u[3], numbers.draw(path, 1)[0]};
+  return options_.guide == nullptr ? EmissionGuide::Drawn{all, 1.0f} : options_.guide->draw(all);
 }
 
 bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons,
@@ -131,7 +153,7 @@ bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, Photo
 }
 
 /// Photon by photon, folded with |cos(ns)|/|cos(ng)| [Veach 1997, 5.3].
-void PhotonTracer::store(const Arrivals& at, Part& part) {
+void PhotonTracer::store(const Arrivals& at, Part& part) const {
   const Float8 ratio = at.wo_ns / at.wo_ng;
   const Vec3x8 flux = select(at.wo_ns == at.wo_ng, at.flux, at.flux * ratio);
   unsigned lanes = at.lanes & lanes_of((at.wo_ng > 0.0f) & (at.wo_ns > 0.0f));
@@ -142,7 +164,10 @@ void PhotonTracer::store(const Arrivals& at, Part& part) {
   lanes &= finite & bounded;
   if (lanes == 0) return;
   const unsigned first = lanes_of(at.bounce == 0), specular = lanes_of(at.specular_only);
-  const std::array<Photon, kLanes> photons = make_photons(at.position, flux, at.wo, at.ng);
+  std::array<Photon, kLanes> photons = make_photons(at.position, flux, at.wo, at.ng);
+  if (options_.number_photons) {
+    for (std::size_t lane = 0; lane < kLanes; ++lane) photons[lane].direction = at.path[lane];
+  }
   for_each_lane(lanes, [&](std::size_t lane) {
     const unsigned bit = 1u << lane;
     const std::size_t flow = (first & bit) != 0 ? kFlows : (specular & bit) != 0 ? kCaustic : kIndirect;
@@ -163,7 +188,7 @@ unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes&
   photons.position = points.position;
   const std::array<Float8, 4> u = numbers.draw(photons.path, 2 + 2 * reinterpret_cast<Uint8>(photons.bounce));
   Arrivals arrivals{0,        points.position, photons.flux,   -photons.ray.direction, points.ng,
-                    Float8{}, Float8{},        photons.bounce, photons.specular_only};
+                    Float8{}, Float8{},        photons.bounce, photons.specular_only,  photons.path};
   const __m256i material = _mm256_and_si256(_mm256_load_si256(reinterpret_cast<const __m256i*>(points.material.data())),
                                             reinterpret_cast<__m256i>(mask_of(points.hits)));
   const auto of_material = [&](int offset) -> Float8 {
@@ -300,12 +325,12 @@ void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std:
 PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
   PhotonBatch all;
   if (flux_unit_ <= 0.0) return all;
-  const std::uint32_t chunks = (options_.paths + kChunk - 1) / kChunk;
+  const std::uint32_t chunks = (options_.paths + kChunkPaths - 1) / kChunkPaths;
   std::vector<Part> parts(chunks);
   parallel_for(chunks, [&](std::size_t index) {
     const auto chunk = static_cast<std::uint32_t>(index);
-    const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunk);
-    trace_paths(sub_pass, chunk * kChunk, end, parts[chunk], [](const auto&, const auto&) {});
+    const std::uint32_t end = std::min(options_.paths, (chunk + 1) * kChunkPaths);
+    trace_paths(sub_pass, chunk * kChunkPaths, end, parts[chunk], [](const auto&, const auto&) {});
   });
   for (std::size_t flow = 0; flow <= kFlows; ++flow) {
     Photons& joined = flow < kFlows ? all.flows[flow] : all.direct;
@@ -332,9 +357,9 @@ PhotonBatch PhotonTracer::trace(std::uint64_t sub_pass) const {
 
 std::vector<Ray> PhotonTracer::rays_of(std::uint64_t sub_pass) const {
   std::vector<Ray> all;
-  for (std::uint32_t first = 0; first < options_.paths; first += kChunk) {
+  for (std::uint32_t first = 0; first < options_.paths; first += kChunkPaths) {
     Part part;
-    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunk), part,
+    trace_paths(sub_pass, first, std::min(options_.paths, first + kChunkPaths), part,
                 [&](const auto& rays, const auto& lanes) {
                   for (std::size_t packet = 0; packet < rays.size(); ++packet) {
                     for_each_lane(lanes[packet], [&](std::size_t lane) {

@@ -6,6 +6,7 @@
 
 #include "common/film/statistics.h"
 #include "common/math/lanes.h"
+#include "worker/photon/emission_guide.h"
 #include "worker/photon/photon.h"
 #include "worker/scene/scene.h"
 
@@ -23,6 +24,8 @@ struct PhotonOptions {
   bool direct = false;           ///< also keep the first hits, apart from the flows: for maps that hold all light
   bool caustics_only = false;    ///< a path ends where it scatters other than sharply, and only kCaustic is kept
   const ProjectionMap* projection = nullptr;  ///< emit only towards surfaces that matter; outlives the tracer
+  const EmissionGuide* guide = nullptr;       ///< emit where it matters, without `projection`; outlives the tracer
+  bool number_photons = false;                ///< Photon::direction holds the number of the photon's path instead
 };
 
 /// What a job asks for: its seed, photons and depth.
@@ -52,6 +55,9 @@ class PhotonTracer {
   [[nodiscard]] double flux_unit() const { return flux_unit_; }
   [[nodiscard]] const PhotonOptions& options() const { return options_; }
 
+  /// The numbers with which a path starts, and their weight.
+  [[nodiscard]] EmissionGuide::Drawn emission(std::uint64_t sub_pass, std::uint32_t path) const;
+
   /// Every ray of one sub-pass in the order in which one thread shoots them: what the bench replays.
   [[nodiscard]] std::vector<Ray> rays_of(std::uint64_t sub_pass) const;
 
@@ -65,6 +71,8 @@ class PhotonTracer {
   void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part, Watch&& watch) const;
   /// Emits paths [first, first + 8).
   void emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const;
+  void emit_guided(std::array<Float8, 4> u, Float8 last, EmissionLanes& emissions) const;
+  [[nodiscard]] bool guided() const { return options_.guide != nullptr && !options_.guide->uniform(); }
   /// Puts one of them into `lane`; false when its path carries nothing.
   bool start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const;
   /// Stores the photons at the points that they met and sends them on; returns the lanes that go on.
@@ -74,7 +82,7 @@ class PhotonTracer {
                       Arrivals& arrivals) const;
   unsigned scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points,
                            const std::array<Float8, 4>& u, PhotonLanes& photons, Arrivals& arrivals) const;
-  static void store(const Arrivals& arrivals, Part& part);
+  void store(const Arrivals& arrivals, Part& part) const;
 
   const Scene& scene_;
   PhotonOptions options_;

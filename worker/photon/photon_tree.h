@@ -68,6 +68,8 @@ class PhotonTree {
 
   [[nodiscard]] Rgb flux(std::size_t i) const { return {at(&Block::r, i), at(&Block::g, i), at(&Block::b, i)}; }
   [[nodiscard]] Vec3f towards_light(std::size_t i) const { return unpack_direction(at(&Block::direction, i)); }
+  /// The number that a photon carries in place of its direction (PhotonOptions::number_photons).
+  [[nodiscard]] std::uint32_t number(std::size_t i) const { return at(&Block::direction, i); }
   [[nodiscard]] Vec3f position(std::size_t i) const { return {at(&Block::x, i), at(&Block::y, i), at(&Block::z, i)}; }
 
   /// Vector code in use, and a way for tests and benches to compare: results are the same to the bit.

@@ -12,7 +12,7 @@ constexpr float kBulge = 0.25f;
 constexpr float kMaxSlope = 32.0f;
 /// Cosine between normals from which on surfaces lie the same way, and how far in front one then has to be, relative to
 /// the coordinates: twice what rays are moved off their surfaces.
-constexpr float kMinNormalCosine = 0.5f;
+constexpr float kMinSplatCosine = 0.5f;
 constexpr float kClearance = 2.0f * kRayOffset;
 /// Rounding of the spread along the ray, so that the cone is a bound.
 constexpr float kRadiusMargin = 1.0001f;
@@ -76,7 +76,7 @@ bool RayKernel::in_front_of_start(const SplatSample& sample, float bulge) const 
   // The other side of a thin sheet, or for light from behind the sheet itself, must not be lit by what leaves the
   // sheet: a surface that lies the same way has to be clearly in front.
   const float facing = dot(start_.normal, sample.ng);
-  const bool parallel = facing < -kMinNormalCosine || (sample.both_sides && facing > kMinNormalCosine);
+  const bool parallel = facing < -kMinSplatCosine || (sample.both_sides && facing > kMinSplatCosine);
   if (parallel) return height > kClearance * std::max(sample.extent, max_magnitude(sample.position));
   return height > -bulge;
 }

@@ -10,9 +10,6 @@ namespace {
 /// Work of a photon's ray with storing and sorting, and of a gather, in eye rays: 0.7, 1.1 and 1.0 us were
 /// measured on the example scenes.
 constexpr double kPhotonRay = 0.65, kGather = 0.9;
-/// Direct light and edges, whose sample points are stratified over passes: squared error falls by 1 (glass)
-/// to 1.5 (diffuse rooms) powers of their number.
-constexpr double kStratified = 1.5;
 /// Records of the irradiance cache for each diffuse pixel at 7,000 pixels (0.25 to 1 there).
 constexpr double kRecords = 0.5;
 /// What interpolating records leaves of the map's own error (0.4 to 0.9 on the example scenes).
@@ -32,15 +29,39 @@ double eye_pass(const JobSpec& spec, const Pilot& pilot) {
 
 /// sppm with so many photon paths a pass. First discs hold photons in proportion to paths^(2/3), so that
 /// errors fall likewise.
-Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths) {
+Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths, bool guided) {
   const double more = static_cast<double>(paths) / static_cast<double>(photon_paths(spec));
   Forecast f;
   f.fast = pilot.direct_noise;
-  f.power = kStratified;
+  f.power = pilot.direct_power();
   f.slow = (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]) / std::pow(more, 2.0 / 3.0);
-  f.pass = kPhotonRay * static_cast<double>(paths) * pilot.photon_rays + eye_pass(spec, pilot);
+  double rays = pilot.photon_rays;
+  if (guided) {
+    f.slow /= pilot.emission.gain;
+    rays = pilot.emission.rays_per_path;
+  }
+  f.pass = kPhotonRay * static_cast<double>(paths) * rays + eye_pass(spec, pilot);
   f.setup = f.pass;  // the first radii look at one sub-pass more
   return f;
+}
+
+/// Photon paths of a pass, and sppm with them.
+struct PhotonChoice {
+  std::int64_t paths = 0;
+  Forecast forecast;
+};
+
+PhotonChoice choose_photons(const JobSpec& spec, const Pilot& pilot, bool guided) {
+  const std::int64_t asked = spec.integrator.photons;
+  if (asked > 0) return {asked, sppm_of(spec, pilot, asked, guided)};
+  PhotonChoice best;
+  for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
+    const auto paths =
+        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
+    const Forecast forecast = sppm_of(spec, pilot, paths, guided);
+    if (best.paths == 0 || forecast.work_to(kPlanTarget) < best.forecast.work_to(kPlanTarget)) best = {paths, forecast};
+  }
+  return best;
 }
 
 }  // namespace
@@ -63,6 +84,17 @@ double Forecast::passes_to(double target) const {
 
 double Forecast::work_to(double target) const { return setup + passes_to(target) * pass; }
 
+bool guides_emission(const JobSpec& spec, const Pilot& pilot) {
+  if (spec.integrator.guide_emission != Switch::kAuto) return spec.integrator.guide_emission == Switch::kOn;
+  // Below, the pilot's own noise could be all there is.
+  constexpr double kLeastGain = 1.5;
+  // Photons that all come to where the eye looks cost more to sort and gather, which the forecast leaves out.
+  constexpr double kMostWork = 0.9;
+  return pilot.emission.gain >= kLeastGain &&
+         choose_photons(spec, pilot, true).forecast.work_to(kPlanTarget) <=
+             kMostWork * choose_photons(spec, pilot, false).forecast.work_to(kPlanTarget);
+}
+
 Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
   Forecast f;
   const double delta = delta_part(pilot);
@@ -77,22 +109,11 @@ Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
 }
 
 Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) {
-  return sppm_of(spec, pilot, plan_photons(spec, pilot));
+  return choose_photons(spec, pilot, guides_emission(spec, pilot)).forecast;
 }
 
 std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot) {
-  if (spec.integrator.photons > 0) return spec.integrator.photons;
-  std::int64_t best = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
-    const auto paths =
-        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
-    const double work = sppm_of(spec, pilot, paths).work_to(kPlanTarget);
-    if (best > 0 && work >= least) continue;
-    best = paths;
-    least = work;
-  }
-  return best;
+  return choose_photons(spec, pilot, guides_emission(spec, pilot)).paths;
 }
 
 Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {

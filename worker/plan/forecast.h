@@ -30,6 +30,9 @@ inline constexpr double kPlanTarget = 0.01;
 /// Around kPlanTarget the forecast of an error is right within this factor both ways on the example scenes.
 inline constexpr double kForecastFactor = 3.0;
 
+/// Whether photons of ppm and sppm are to start where the pilot learned that it matters: where that leaves at most two
+/// thirds of their noise and sppm comes to kPlanTarget a tenth sooner by it, or where the job says so.
+[[nodiscard]] bool guides_emission(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_path(const JobSpec& spec, const Pilot& pilot);
 /// Of sppm with its photon paths of a pass as the job says or, where it leaves them open, plan_photons().
 [[nodiscard]] Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot);

@@ -8,6 +8,7 @@
 
 #include "common/base/parallel.h"
 #include "worker/integrators/eye_paths.h"
+#include "worker/integrators/first_radius.h"
 #include "worker/integrators/map_estimate.h"
 #include "worker/integrators/path.h"
 
@@ -17,6 +18,8 @@ namespace {
 /// Of the eye samples of a pixel those that also ask the photons, which cost more than the rest of the
 /// sample.
 constexpr int kGatherSamples = 4;
+/// Consecutive eye samples of a pixel whose means are compared: so many are stratified against each other.
+constexpr int kGroup = 4;
 /// Photons of a density estimate: 17 % noise at a place, far less in the mean over all places.
 constexpr std::uint32_t kNearest = 36;
 /// Emissions by which the lamps are told apart.
@@ -24,14 +27,6 @@ constexpr std::uint32_t kEmissions = 4096;
 /// Added to squared radiance in relMSE (common/film/metrics.h).
 constexpr double kOffset = 0.01;
 constexpr std::uint64_t kSeed = 1;
-
-/// First discs of progressive photon mapping, roughly (ProgressiveMapping::first_radius2): photons wanted of
-/// 500,000 paths, and radii in pixel footprints.
-struct DiscRule {
-  double photons, least, most;
-};
-constexpr std::array<DiscRule, kFlows> kDiscs{DiscRule{12.0, 0.75, 3.0}, DiscRule{400.0, 1.0, 16.0}};
-constexpr double kDiscPaths = 500000.0;
 
 double lum(const Rgb& c) { return static_cast<double>(luminance(c)); }
 
@@ -88,6 +83,7 @@ PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
 struct PixelFindings {
   double nothing = 0, diffuse = 0, glossy = 0, specular = 0;
   double direct = 0, direct_square = 0;
+  double group = 0, group_square = 0;  ///< of direct light: sum of the last samples, squared means of whole groups
   double gathers = 0;
   std::array<double, kFlows> light{}, reflectance{};  ///< of the samples that ask the photons
   std::array<double, kFlows> density{}, weight{};     ///< photons per m^2 and path, weighed by light
@@ -194,6 +190,11 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
     eye_paths.follow(x, y, static_cast<std::uint64_t>(s), sink);
     found.direct += sink.radiance;
     found.direct_square += sink.radiance * sink.radiance;
+    found.group += sink.radiance;
+    if ((s + 1) % kGroup == 0) {
+      found.group_square += found.group * found.group / (kGroup * kGroup);
+      found.group = 0;
+    }
     PixelSums sums;
     paths.trace(x, y, static_cast<std::uint64_t>(s), sums, nullptr, found.traced);
     const auto light = [&](const std::array<std::int64_t, 3>& rgb, double step) {
@@ -214,16 +215,16 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
 }
 
 /// Photons that a first disc holds where `density` photons of a path lie on a square metre.
-double photons_in_disc(const DiscRule& rule, double density, double footprint, double paths) {
-  const double wanted = rule.photons * std::pow(paths / kDiscPaths, 2.0 / 3.0);
+double photons_in_disc(const RadiusRule& rule, double density, double footprint, double paths) {
+  const double wanted = wanted_photons(rule, paths);
   const double of_footprint = density * paths * static_cast<double>(kPi) * footprint * footprint;
-  return std::max(1.0,
-                  std::clamp(wanted, of_footprint * rule.least * rule.least, of_footprint * rule.most * rule.most));
+  return std::max(1.0, std::clamp(wanted, of_footprint * rule.min_footprints * rule.min_footprints,
+                                  of_footprint * rule.max_footprints * rule.max_footprints));
 }
 
-double variance(double sum, double sum_of_squares) {
-  const double mean = sum / kPilotSamples;
-  return std::max(0.0, (sum_of_squares / kPilotSamples - mean * mean) * kPilotSamples / (kPilotSamples - 1));
+/// Of `count` values with this mean.
+double variance(double mean, double sum_of_squares, int count) {
+  return std::max(0.0, (sum_of_squares / count - mean * mean) * count / (count - 1));
 }
 
 void add_pixel(const PixelFindings& found, double paths, Pilot& pilot) {
@@ -245,15 +246,17 @@ void add_pixel(const PixelFindings& found, double paths, Pilot& pilot) {
     pilot.path_light[flow] += found.path_light[flow] / kPilotSamples;
   }
   const double scale = 1.0 / (reference * reference + kOffset);
-  pilot.path_noise += scale * variance(found.path, found.path_square);
-  pilot.direct_noise += scale * variance(found.direct, found.direct_square);
+  pilot.path_noise += scale * variance(found.path / kPilotSamples, found.path_square, kPilotSamples);
+  const double direct = found.direct / kPilotSamples;
+  pilot.direct_noise += scale * variance(direct, found.direct_square, kPilotSamples);
+  pilot.direct_group_noise += scale * variance(direct, found.group_square, kPilotSamples / kGroup);
   pilot.caustic_moment += scale * found.reflectance[kCaustic] / kGatherSamples;
   pilot.caustic_square += scale * light[kCaustic] * light[kCaustic];
   pilot.indirect_moment += scale * found.reflectance[kIndirect] / kGatherSamples;
   pilot.indirect_square += scale * light[kIndirect] * light[kIndirect];
   for (const Flow flow : {kCaustic, kIndirect}) {
     if (found.weight[flow] <= 0.0) continue;
-    const double photons = photons_in_disc(kDiscs[flow], found.density[flow] / found.weight[flow],
+    const double photons = photons_in_disc(kRadiusRules[flow], found.density[flow] / found.weight[flow],
                                            found.footprint[flow] / found.weight[flow], paths);
     pilot.photon_noise[flow] += scale * light[flow] * light[flow] / photons;
   }
@@ -283,6 +286,12 @@ double Pilot::missed(Flow flow) const {
   constexpr double kOwnNoise = 0.2;  // of both means, seen on the example scenes
   const double missing = 1.0 - path_light[flow] / light[flow];
   return missing < kOwnNoise ? 0.0 : missing;
+}
+
+double Pilot::direct_power() const {
+  constexpr double kLeast = 1.0, kMost = 1.5;
+  if (!(direct_group_noise > 0.0)) return kMost;
+  return std::clamp(std::log(direct_noise / direct_group_noise) / std::log(double{kGroup}), kLeast, kMost);
 }
 
 Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
@@ -317,6 +326,7 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
                        &pilot.mirrored_caustic,
                        &pilot.path_noise,
                        &pilot.direct_noise,
+                       &pilot.direct_group_noise,
                        &pilot.caustic_moment,
                        &pilot.caustic_square,
                        &pilot.indirect_moment,
@@ -327,6 +337,13 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
   }
   pilot.roughness = roughness_of(found, grid.columns);
   return pilot;
+}
+
+LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
+  const IntegratorType type = spec.integrator.type;
+  const bool of_use = type == IntegratorType::kAuto || type == IntegratorType::kPpm || type == IntegratorType::kSppm;
+  if (!of_use || spec.integrator.guide_emission == Switch::kOff) return {};
+  return learn_emission(scene, camera, spec);
 }
 
 }  // namespace pf

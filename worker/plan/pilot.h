@@ -5,6 +5,7 @@
 
 #include "common/film/statistics.h"
 #include "common/spec/job_spec.h"
+#include "worker/integrators/guided_emission.h"
 #include "worker/scene/scene.h"
 
 namespace pf {
@@ -44,17 +45,22 @@ struct Pilot {
   double mirrored_caustic = 0;  ///< part of light[kCaustic] that is seen in mirrors or through glass: L S+ D S+ E
 
   // Errors.
-  double path_noise = 0;      ///< of path tracing, as far as its samples saw it
-  double direct_noise = 0;    ///< of what photon mapping samples from the eye
-  double caustic_moment = 0;  ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
-  double caustic_square = 0;  ///< relMSE of an image without any caustic
+  double path_noise = 0;          ///< of path tracing, as far as its samples saw it
+  double direct_noise = 0;        ///< of what photon mapping samples from the eye
+  double direct_group_noise = 0;  ///< of the mean of four samples that are stratified against each other
+  double caustic_moment = 0;      ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
+  double caustic_square = 0;      ///< relMSE of an image without any caustic
   double indirect_moment = 0, indirect_square = 0;  ///< the same for indirect light
   std::array<double, kFlows> photon_noise{};  ///< relMSE of the first sub-pass's density estimates, without their blur
+  LearnedEmission emission;                   ///< fly_emission_pilot(); otherwise nothing learned
   double roughness = 0;  ///< relative difference of indirect irradiance between neighbours on one surface: 0 smooth
 
   /// Part of a flow's light that paths from the eye did not find, 0 to 1; differences within the pilot's own
   /// noise are 0.
   [[nodiscard]] double missed(Flow flow) const;
+  /// Power of the number of samples with which direct_noise falls: 1 where they are as good as independent, up to 1.5
+  /// where stratifying them over passes helps.
+  [[nodiscard]] double direct_power() const;
 };
 
 /// Photon paths that are traced.
@@ -64,5 +70,7 @@ inline constexpr int kPilotPixels = 384, kPilotSamples = 16;
 
 /// Traces the pilot of a job: a tenth of a second on one thread, a few tenths in closed rooms.
 [[nodiscard]] Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec);
+/// What guides the photons of the job's method, if it is one that can be guided and the job does not say no.
+[[nodiscard]] LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec);
 
 }  // namespace pf

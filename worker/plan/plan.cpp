@@ -148,6 +148,11 @@ void decide_photon_terms(const JobSpec& spec, const SceneFacts& facts, const Pil
                      found, pilot.photon_paths),
          fmt::format("no lamp shines on a surface that focuses light, and none of {} photons came by one",
                      pilot.photon_paths));
+  const bool progressive = plan.algorithm == IntegratorType::kSppm || plan.algorithm == IntegratorType::kPpm;
+  const std::string gain = fmt::format("{} paths taught a guide whose photons bring {:.2g} times less noise",
+                                       pilot.emission.paths, pilot.emission.gain);
+  decide(plan, plan.guided_emission, {"guided emission", "integrator.guide_emission", spec.integrator.guide_emission},
+         progressive, guides_emission(spec, pilot), gain, gain);
   const std::string lost = fmt::format("{:.3g} % of the photons meet nothing", 100.0 * pilot.lost);
   const bool aimed = plan.caustic_map;
   decide(plan, plan.projection_map, {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},
@@ -191,6 +196,7 @@ JobSpec Plan::resolve(const JobSpec& spec) const {
   JobSpec resolved = spec;
   resolved.integrator.type = algorithm;
   if (photons > 0) resolved.integrator.photons = photons;
+  resolved.integrator.guide_emission = guided_emission ? Switch::kOn : Switch::kOff;
   resolved.photon_map.caustic_map = caustic_map ? Switch::kOn : Switch::kOff;
   // Where the view is sparse the maps look for themselves what each of them needs.
   if (!projection_map) resolved.photon_map.projection_map = Switch::kOff;

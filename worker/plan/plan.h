@@ -34,6 +34,7 @@ struct Plan {
   std::int64_t photons = 0;                          ///< paths of a sub-pass; 0: as the job has it
   bool caustic_map = false;                          ///< some photon meets a mirror or glass first
   bool projection_map = false;                       ///< photons only towards what the lights see
+  bool guided_emission = false;                      ///< photons start where Pilot::emission says
   bool environment = false;
   bool textures = false;
   bool normal_maps = false;

@@ -219,7 +219,10 @@ nlohmann::json pilot_json(const Pilot& p) {
       {"missed_by_paths_share", {{"caustic", p.missed(kCaustic)}, {"indirect", p.missed(kIndirect)}}},
       {"path_noise", p.path_noise},
       {"direct_noise", p.direct_noise},
+      {"direct_power", p.direct_power()},
       {"photon_noise", flows(p.photon_noise)},
+      {"guided_emission",
+       {{"gain", p.emission.gain}, {"paths", p.emission.paths}, {"rays_per_path", p.emission.rays_per_path}}},
       {"indirect_roughness", p.roughness}};
 }
 

@@ -89,5 +89,34 @@ TEST(Pilot, MeasuresTheNoiseOfDirectLightFromASampleToTheNext) {
   EXPECT_GT(flown(diffuse_box()).path_noise, flown(diffuse_box()).direct_noise);
 }
 
+TEST(Pilot, TellsHowFastNoiseFallsFromGroupsOfSamples) {
+  Pilot pilot;
+  pilot.direct_noise = 1.0;
+  pilot.direct_group_noise = 1.0 / 4;
+  EXPECT_DOUBLE_EQ(pilot.direct_power(), 1.0);
+  pilot.direct_group_noise = 1.0 / 8;
+  EXPECT_DOUBLE_EQ(pilot.direct_power(), 1.5);
+  pilot.direct_group_noise = 1.0 / 2;  // chance
+  EXPECT_DOUBLE_EQ(pilot.direct_power(), 1.0);
+  pilot.direct_group_noise = 0;
+  EXPECT_DOUBLE_EQ(pilot.direct_power(), 1.5);
+  EXPECT_GT(flown(diffuse_box()).direct_power(), 1.1) << "a lamp, sampled in a stratified way";
+}
+
+TEST(Pilot, TeachesAGuideOnlyToMethodsThatHaveAUseForIt) {
+  const auto scene = diffuse_box().build();
+  const auto paths = [&](IntegratorType type, Switch asked = Switch::kAuto) {
+    JobSpec spec = job(16, 16, type);
+    spec.integrator.guide_emission = asked;
+    return fly_emission_pilot(*scene, scene->cameras().front(), spec).paths;
+  };
+  EXPECT_GT(paths(IntegratorType::kSppm), 0u);
+  EXPECT_GT(paths(IntegratorType::kPpm), 0u);
+  EXPECT_GT(paths(IntegratorType::kAuto), 0u);
+  EXPECT_EQ(paths(IntegratorType::kPath), 0u);
+  EXPECT_EQ(paths(IntegratorType::kPhotonMap, Switch::kOn), 0u);
+  EXPECT_EQ(paths(IntegratorType::kSppm, Switch::kOff), 0u);
+}
+
 }  // namespace
 }  // namespace pf::test

@@ -115,6 +115,33 @@ TEST(Plan, AimsPhotonsOnlyWhereTheLampsSeeLittle) {
   EXPECT_FALSE(planned(maker, auto_job(IntegratorType::kSppm)).projection_map);  // gains less than it costs
 }
 
+TEST(Plan, GuidesPhotonsOnlyWhereThatPays) {
+  Pilot pilot = plain_pilot();
+  pilot.photon_noise[kIndirect] = 0.2;
+  pilot.emission.gain = 5;
+  pilot.emission.rays_per_path = 3;
+  const JobSpec spec = auto_job(IntegratorType::kSppm);
+  EXPECT_TRUE(planned(pilot, spec).guided_emission);
+  EXPECT_EQ(planned(pilot, spec).resolve(spec).integrator.guide_emission, Switch::kOn);
+  const auto guided_with = [&](const Pilot& changed) { return planned(changed, spec).guided_emission; };
+  Pilot little = pilot;
+  little.emission.gain = 1.4;
+  EXPECT_FALSE(guided_with(little));
+  EXPECT_EQ(planned(little, spec).resolve(spec).integrator.guide_emission, Switch::kOff);
+  Pilot dear = pilot;
+  dear.emission.rays_per_path = 200;
+  EXPECT_FALSE(guided_with(dear)) << "longer paths take more time than their noise is worth";
+  Pilot quiet = pilot;
+  quiet.photon_noise[kIndirect] = 1e-5;
+  EXPECT_FALSE(guided_with(quiet)) << "photons are not what makes the noise";
+  EXPECT_FALSE(planned(pilot, auto_job(IntegratorType::kPath)).guided_emission);
+  JobSpec asked = spec;
+  asked.integrator.guide_emission = Switch::kOff;
+  EXPECT_FALSE(planned(pilot, asked).guided_emission);
+  asked.integrator.guide_emission = Switch::kOn;
+  EXPECT_TRUE(planned(little, asked).guided_emission);
+}
+
 TEST(Plan, CachesIrradianceOnlyOnDiffuseSmoothAndLargeSurfaces) {
   Pilot pilot = plain_pilot();
   pilot.path_noise = 100;  // light through a keyhole ...

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "common/spec/job_spec.h"
+#include "worker/integrators/eye.h"
+#include "worker/photon/emission_guide.h"
+
+namespace pf {
+
+/// What a pilot taught about emission.
+struct LearnedEmission {
+  EmissionGuide guide;
+  /// Summed squared contributions of uniform emission over those of guided emission, at equal paths: how much less
+  /// noise photons bring. Of the last lesson, by the guide that it did not learn from yet.
+  double gain = 1.0;
+  std::uint32_t paths = 0;     ///< traced
+  double rays_per_path = 0.0;  ///< of the last lesson
+};
+
+/// Learns where photon paths start that matter to the image: a path is worth the sum of its squared contributions to
+/// pixels, by progressive photon mapping's first discs, over the pixels' squared radiance. Lesson after lesson, each
+/// guided by the ones before.
+///
+/// A function of scene, camera, image size and depth: random numbers are fixed, whatever the job's seed, sums are taken
+/// in a fixed order, so that every worker of a farm learns the same on any number of threads. The pilot's photons are
+/// not used for the image.
+[[nodiscard]] LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const JobSpec& spec);
+
+}  // namespace pf
