@@ -166,8 +166,7 @@ Result<void> download_file(ServiceClient& client, const std::string& id, const c
     if (part->bytes() > *bytes) {
       if (auto cleared = part->clear(); !cleared) return cleared;
     }
-    const Result<void> fetched =
-        part->bytes() == *bytes ? Result<void>() : fetch_rest(client, address, etag, *bytes, *part);
+    Result<void> fetched = part->bytes() == *bytes ? Result<void>() : fetch_rest(client, address, etag, *bytes, *part);
     if (fetched) return part->become(target);
     if (fetched.error().kind != ErrorKind::kUnavailable) return fetched;
     if (auto waited = client.wait_to_retry(fetched.error()); !waited) return waited;

@@ -106,7 +106,7 @@ Result<void> make_folders(const fs::path& state) {
 
 /// A log file; one that has grown large makes room for a new one.
 fs::path log_file(const fs::path& state, const std::string& name) {
-  const fs::path file = state / "logs" / (name + ".log");
+  fs::path file = state / "logs" / (name + ".log");
   std::error_code ignored;
   if (fs::file_size(file, ignored) > kMaxLogBytes && !ignored) fs::rename(file, file.string() + ".1", ignored);
   return file;

@@ -119,7 +119,7 @@ class Plot {
 
  private:
   std::string keep(const std::vector<Point>& points) {
-    const std::string name = fmt::format("$d{}", names_++);
+    std::string name = fmt::format("$d{}", names_++);
     data_ += block(name, points);
     return name;
   }

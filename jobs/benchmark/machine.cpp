@@ -1,11 +1,11 @@
 #include "jobs/benchmark/machine.h"
 
 #include <sched.h>
-#include <stdlib.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
 #include <array>
+#include <cstdlib>
 #include <fstream>
 #include <thread>
 

@@ -13,8 +13,8 @@
 namespace pf {
 namespace {
 
-/// Photon paths of a lesson, each guided by the ones before.
-constexpr std::uint32_t kLessonPaths = 32768;
+/// Photon paths of a lesson, each guided by the ones before: as many as of a sub-pass, at most.
+constexpr std::int64_t kMostPaths = 32768;
 constexpr int kLessons = 4;
 /// Where the first guide gained less than this although many paths (of equal worth) taught it, no other will gain much:
 /// closed rooms, of which the eye sees most.
@@ -143,23 +143,24 @@ LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const J
   LearnedEmission learned;
   const Eye eye(scene, camera, spec.image.width, spec.image.height, kSeed);
   const std::vector<Look> looks = look_around(scene, eye, spec.integrator.max_depth);
-  const FirstRadius rule{spec.integrator.initial_radius, 0.5f * length(scene.bounds().size()), double{kLessonPaths}};
   PhotonOptions options = photon_options(spec);
   options.seed = kSeed;
-  options.paths = kLessonPaths;
+  options.paths = static_cast<std::uint32_t>(std::min(photon_paths(spec), kMostPaths));
   options.guide = &learned.guide;
   options.number_photons = true;
   const PhotonTracer tracer(scene, options);
   if (!(tracer.flux_unit() > 0.0)) return learned;
+  const FirstRadius rule{spec.integrator.initial_radius, 0.5f * length(scene.bounds().size()),
+                         static_cast<double>(options.paths)};
   std::vector<EmissionGuide::Example> examples;
   for (int lesson = 0; lesson < kLessons; ++lesson) {
     const std::uint64_t sub_pass = kPilotSubPass + static_cast<std::uint64_t>(lesson);
     PhotonBatch batch = tracer.trace(sub_pass);
-    learned.paths += kLessonPaths;
-    learned.rays_per_path = static_cast<double>(batch.rays) / kLessonPaths;
+    learned.paths += options.paths;
+    learned.rays_per_path = static_cast<double>(batch.rays) / options.paths;
     const std::vector<double> worth = worths(looks, rule, tracer, std::move(batch));
     double uniform = 0.0, guided = 0.0, squares = 0.0;
-    for (std::uint32_t path = 0; path < kLessonPaths; ++path) {
+    for (std::uint32_t path = 0; path < options.paths; ++path) {
       const EmissionGuide::Drawn start = tracer.emission(sub_pass, path);
       const double weight = double{start.weight};
       examples.push_back({start.u, weight, worth[path] / (weight * weight)});

@@ -20,9 +20,9 @@ struct LearnedEmission {
 /// pixels, by progressive photon mapping's first discs, over the pixels' squared radiance. Lesson after lesson, each
 /// guided by the ones before.
 ///
-/// A function of scene, camera, image size and depth: random numbers are fixed, whatever the job's seed, sums are taken
-/// in a fixed order, so that every worker of a farm learns the same on any number of threads. The pilot's photons are
-/// not used for the image.
+/// A function of scene, camera, image size, depth and photons of a sub-pass: random numbers are fixed, whatever the
+/// job's seed, sums are taken in a fixed order, so that every worker of a farm learns the same on any number of
+/// threads. The pilot's photons are not used for the image.
 [[nodiscard]] LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const JobSpec& spec);
 
 }  // namespace pf
