@@ -203,6 +203,11 @@ test("a cancelled job is tried again, and its picture discarded", async () => {
   await page.click("Cancel…");
   await page.click("Cancel, discard the image");
   await page.state("cancelled");
+  await page.go("#/");
+  await page.heading("Jobs");
+  await page.go(`#/jobs/${id}`);
+  await page.until("the word that there is no image", () => document.querySelector(".stage-empty")?.textContent === "The image was discarded.");
+  assert.ok(await page.page.evaluate(() => document.querySelector(".downloads") === null), "nothing to download");
 });
 
 test("a job that is done is extended", async () => {

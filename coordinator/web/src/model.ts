@@ -35,6 +35,8 @@ export interface Job {
   scene_hash: string;
   spec_hash: string;
   warnings: string[];
+  /** "checkpoint", "results": what the policy of retention has removed. */
+  expired: string[];
   submitted_unix_ms: number | null;
   started_unix_ms: number | null;
   ended_unix_ms: number | null;
@@ -87,6 +89,14 @@ export interface Problem {
 export const hasEnded = (state: JobState): boolean => state === "done" || state === "failed" || state === "cancelled";
 /** Its image may still change by itself. */
 export const isActive = (state: JobState): boolean => !hasEnded(state) && state !== "paused";
+
+/** Why a job that has ended has no image; "" where it has one, and while it may still get one. */
+export function whyNoImage(job: Job): string {
+  if (!hasEnded(job.state)) return "";
+  if (job.passes_done === 0) return "The job ended before its first sub-pass: there is no image.";
+  if (job.expired.includes("results")) return "The image has expired.";
+  return job.state === "cancelled" && job.image_hash === "" ? "The image was discarded." : "";
+}
 
 /** How much of the job is done, 0 to 1, by the nearest of its stops; null when nothing tells. */
 export function progressOf(job: Job): number | null {

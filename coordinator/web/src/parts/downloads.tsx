@@ -2,7 +2,7 @@
 import { useState } from "preact/hooks";
 
 import { explain, send } from "../api.ts";
-import type { Job } from "../model.ts";
+import { type Job, whyNoImage } from "../model.ts";
 import { Notice } from "./basics.tsx";
 
 interface Item {
@@ -11,19 +11,21 @@ interface Item {
   extension: string;
 }
 
+const kCheckpoint: Item = { label: "Checkpoint", path: "checkpoint", extension: "checkpoint" };
 const kItems: Item[] = [
   { label: "EXR, all layers", path: "image.exr", extension: "exr" },
   { label: "PNG", path: "image.png", extension: "png" },
   { label: "Figures", path: "figures.json", extension: "json" },
-  { label: "Checkpoint", path: "checkpoint", extension: "checkpoint" },
+  kCheckpoint,
 ];
 const kPreview: Item = { label: "PNG so far", path: "preview.png", extension: "png" };
 
 export function Downloads({ job }: { job: Job }) {
   const [problem, setProblem] = useState("");
   const [busy, setBusy] = useState("");
-  const finished = job.state === "done" || (job.state === "cancelled" && job.passes_done > 0);
-  const items = finished ? kItems : job.passes_done > 0 ? [kPreview] : [];
+  const finished = job.state === "done" || job.state === "cancelled";
+  const kept = kItems.filter((item) => item !== kCheckpoint || !job.expired.includes("checkpoint"));
+  const items = whyNoImage(job) !== "" || job.passes_done === 0 ? [] : finished ? kept : [kPreview];
   const fetchFile = (item: Item): void => {
     setBusy(item.path);
     setProblem("");

@@ -5,7 +5,7 @@ import { figure, whole } from "../format.ts";
 import { halfValues } from "../halves.ts";
 import { usePolled } from "../hooks.ts";
 import { type Look, looksOf } from "../looks.ts";
-import { hasEnded, type Job, type Layers } from "../model.ts";
+import { type Job, type Layers, whyNoImage } from "../model.ts";
 import { useLiveLayers } from "../pixels.ts";
 import * as tone from "../tone.ts";
 import { Notice } from "./basics.tsx";
@@ -180,13 +180,7 @@ export function Viewer({ job }: { job: Job }) {
         />
         {passes === undefined && (
           <p class="stage-empty" style={shape}>
-            {job.passes_done > 0 && error === ""
-              ? "Loading the image…"
-              : error !== ""
-                ? error
-                : hasEnded(job.state)
-                  ? "The job ended before its first sub-pass: there is no image."
-                  : "The image appears with the first sub-pass."}
+            {whyNoImage(job) || error || (job.passes_done > 0 ? "Loading the image…" : "The image appears with the first sub-pass.")}
           </p>
         )}
       </div>
