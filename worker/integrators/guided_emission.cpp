@@ -21,8 +21,8 @@ constexpr int kLessons = 4;
 constexpr double kHopelessGain = 1.25, kManyExamples = 256.0;
 /// Pixels that are looked at, on a grid over the image.
 constexpr int kPixels = 8192;
+constexpr std::uint64_t kSeed = 1;  // whatever the job's
 /// Sub-passes that no job counts to: the pilot's numbers are its own.
-constexpr std::uint64_t kSeed = 1;
 constexpr std::uint64_t kPilotSubPass = std::uint64_t{1} << 63;
 /// Radiances below this share of the image's mean do not count as dark: an error there is small beside the image.
 constexpr double kDarkShare = 0.1;

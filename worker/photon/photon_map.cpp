@@ -77,7 +77,7 @@ class Balancer {
 
 StoredPhoton make_stored(const Photon& photon, std::uint32_t number, unsigned axis) {
   const auto byte = [&](int k) { return static_cast<float>(static_cast<std::int8_t>(photon.normal >> (8 * k))); };
-  const Vec3f normal = normalize({byte(0), byte(1), byte(2)});
+  const Vec3f normal = normalize(Vec3f(byte(0), byte(1), byte(2)));
   StoredPhoton stored;
   stored.position = {photon.position.x, photon.position.y, photon.position.z};
   stored.flux = pack_rgbe(photon.flux, mix_bits(number ^ 0x9E3779B9u));
