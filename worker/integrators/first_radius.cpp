@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace pf {
 
@@ -25,6 +26,23 @@ float FirstRadius::squared(GatherCursor& photons, Flow flow, DiscQuery query, fl
     found = static_cast<float>(photons.count(query));
   }
   return query.radius2;
+}
+
+float FirstRadius::widened(GatherCursor& photons, DiscQuery query, float radius2) const {
+  if (fixed > 0.0) return radius2;
+  constexpr float kSignificance = 2.5f;  // standard deviations; 1.5 keeps more discs narrow and gains less
+  query.radius2 = kWidening * radius2;
+  thread_local std::vector<std::uint32_t> found;
+  found.clear();
+  photons.collect(query, found);
+  float bias = 0.0f, variance = 0.0f;
+  for (const std::uint32_t i : found) {
+    const Vec3f offset = photons.tree().position(i) - query.position;
+    const float part = luminance(photons.tree().flux(i)) * bias_weight(dot(offset, offset), query.radius2);
+    bias += part;
+    variance += part * part;
+  }
+  return std::abs(bias) <= kSignificance * std::sqrt(variance) ? query.radius2 : radius2;
 }
 
 }  // namespace pf

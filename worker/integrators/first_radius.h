@@ -23,6 +23,15 @@ inline constexpr double kRulePaths = 500000.0;
 /// shrinks with the cube root of the sub-passes, does not depend on how they are cut.
 [[nodiscard]] double wanted_photons(const RadiusRule& rule, double paths);
 
+/// Area of a disc where light changes evenly, over that of the rule. Four times brings no more
+/// (tests/bench/FINDINGS.md).
+inline constexpr float kWidening = 2.0f;
+
+/// Weight of a photon at this squared distance [m^2] from the middle of a disc in the sum that tells what the disc adds
+/// to its middle's light: 0 in the mean where light changes evenly (from the second moment, as [Hachisuka, Jarosz,
+/// Jensen 2010] take the Laplacian from derivatives of a kernel).
+[[nodiscard]] inline float bias_weight(float distance2, float radius2) { return 6.0f * distance2 / radius2 - 3.0f; }
+
 /// Chooses the discs that progressive photon mapping starts with.
 struct FirstRadius {
   double fixed = 0;        ///< [m]; 0: by the rules
@@ -31,6 +40,10 @@ struct FirstRadius {
 
   /// Squared radius [m^2] at a place whose pixel's footprint is so wide [m]; `query.radius2` does not matter.
   [[nodiscard]] float squared(GatherCursor& photons, Flow flow, DiscQuery query, float footprint) const;
+  /// kWidening times `radius2` where the photons do not deny that light changes evenly over such a disc, else
+  /// `radius2`: adaptive bandwidth [Kaplanyan and Dachsbacher 2013], decided once. Whether the surface reaches so far
+  /// is for the caller to see.
+  [[nodiscard]] float widened(GatherCursor& photons, DiscQuery query, float radius2) const;
 };
 
 }  // namespace pf

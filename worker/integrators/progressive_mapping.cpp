@@ -50,6 +50,13 @@ ProgressiveMapping::Trees ProgressiveMapping::build_trees(PhotonBatch batch) con
   return trees;
 }
 
+/// What a first disc is for, and the squared radii [m^2] to choose from.
+struct ProgressiveMapping::FirstDisc {
+  std::size_t point;                   ///< whose hit point it is
+  std::array<float, kFlows> radius2;   ///< by the rules
+  std::array<float, kFlows> widened2;  ///< where the surface reaches so far
+};
+
 /// Chooses the first radii of a pixel and keeps its discs.
 struct ProgressiveMapping::RadiusSink {
   const ProgressiveMapping& integrator;
@@ -57,7 +64,7 @@ struct ProgressiveMapping::RadiusSink {
   std::span<ProgressivePixel> points;  ///< of the pixel
   std::size_t first;                   ///< index of the first of them
   std::vector<GatherDisc>& discs;
-  std::vector<std::size_t>& owners;  ///< of the discs
+  std::vector<FirstDisc>& first_discs;  ///< likewise
   TileFigures& figures;
   std::size_t gathers = 0;
 
@@ -69,16 +76,17 @@ struct ProgressiveMapping::RadiusSink {
   void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, const EyeWalk& walk) {
     const float footprint = integrator.eye_.camera().footprint(walk.distance);
     const std::size_t point = std::min(gathers++, points.size() - 1);
-    ProgressivePixel& pixel = points[point];
+    const FirstRadius& rule = integrator.first_radius_;
+    const DiscQuery query = query_at(vertex, 0.0f);
+    FirstDisc disc{.point = first + point, .radius2 = {}, .widened2 = {}};
     for (const Flow flow : {kCaustic, kIndirect}) {
-      const float radius2 = integrator.first_radius_.squared(photons[flow], flow, query_at(vertex, 0.0f), footprint);
-      float& least = pixel[flow].radius2;
-      least = least > 0.0f ? std::min(least, radius2) : radius2;
+      disc.radius2[flow] = rule.squared(photons[flow], flow, query, footprint);
+      disc.widened2[flow] = rule.widened(photons[flow], query, disc.radius2[flow]);
     }
-    const float widest = std::max(pixel[kCaustic].radius2, pixel[kIndirect].radius2);
-    discs.push_back({vertex.point, query_at(vertex, widest), u});
-    owners.push_back(first + point);
+    discs.push_back({vertex.point, query_at(vertex, std::max(disc.widened2[kCaustic], disc.widened2[kIndirect])), u});
+    first_discs.push_back(disc);
   }
+  static void keep_least(float& least, float radius2) { least = least > 0.0f ? std::min(least, radius2) : radius2; }
 };
 
 std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
@@ -89,20 +97,26 @@ std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
   Statistics figures;
   for_each_tile(eye_.width(), eye_.height(), figures, [&](const Tile& tile, TileFigures& sheet) {
     std::vector<GatherDisc> discs;
-    std::vector<std::size_t> owners;
+    std::vector<FirstDisc> first_discs;
     Cursors photons{GatherCursor(trees[kCaustic]), GatherCursor(trees[kIndirect])};
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
         const std::size_t i = (static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)) * points();
-        RadiusSink sink{*this, photons, std::span(state).subspan(i, points()), i, discs, owners, sheet};
+        RadiusSink sink{*this, photons, std::span(state).subspan(i, points()), i, discs, first_discs, sheet};
         const std::uint64_t samples = std::max<std::uint64_t>(sampling_.fixed, 1);
         for (std::uint64_t k = 0; k < samples; ++k) EyePaths(scene_, eye_, max_depth_).follow(x, y, k, sink);
       }
     }
     find_covered_radii(scene_, discs, sheet.rays);
     for (std::size_t d = 0; d < discs.size(); ++d) {
-      float& least = state[owners[d]].covered_radius;
-      least = std::min(least, discs[d].covered_radius);
+      const FirstDisc& disc = first_discs[d];
+      ProgressivePixel& pixel = state[disc.point];
+      const float covered = discs[d].covered_radius;
+      for (const Flow flow : {kCaustic, kIndirect}) {
+        const float widened2 = disc.widened2[flow];
+        RadiusSink::keep_least(pixel[flow].radius2, covered * covered >= widened2 ? widened2 : disc.radius2[flow]);
+      }
+      pixel.covered_radius = std::min(pixel.covered_radius, covered);
     }
   });
   if (sampling_.fixed == 0) fill_missing_radii(state);
@@ -237,7 +251,7 @@ struct ProgressiveMapping::RadianceSink {
     for (const std::uint32_t i : found(photons, query)) {
       const Vec3f offset = photons.tree().position(i) - query.position;
       moment += luminance(beta * reflected_photon(photons.tree(), i, vertex)) *
-                (6.0f * dot(offset, offset) / query.radius2 - 3.0f);
+                bias_weight(dot(offset, offset), query.radius2);
     }
     return moment * static_cast<float>(integrator.tracer_.flux_unit());
   }

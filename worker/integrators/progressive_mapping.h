@@ -21,6 +21,7 @@ namespace pf {
 ///
 /// Beyond the papers:
 /// - caustic and indirect photons keep separate statistics: a narrow radius for edges, a wide one for smooth light;
+/// - first discs are twice as large where light changes evenly and the surface reaches so far (first_radius.h);
 /// - the disc's area counts only where there is surface (covered_area.h), so that wide radii do not darken corners;
 /// - the first smooth boundaries split the eye path in two, so that a weak reflection of a lamp is no rare event;
 /// - pixels in which direct light varies take several samples of it a sub-pass and average them (eye_allocation.h);
@@ -53,6 +54,7 @@ class ProgressiveMapping : public Integrator {
   };
   [[nodiscard]] EyeSamples eye_samples(std::size_t pixel, std::uint64_t sub_pass) const;
   [[nodiscard]] Trees build_trees(PhotonBatch batch) const;
+  struct FirstDisc;
   struct RadiusSink;
   struct RadianceSink;
   /// One pixel's eye samples of a sub-pass, whose photons `photons` asks.
