@@ -25,6 +25,9 @@ struct CapturedProcess {
   std::string output;  ///< standard output, at most 64 KiB
 };
 
+/// A render may take that long; Ctrl-C ends it.
+inline constexpr double kRenderSeconds = 30 * 86400.0;
+
 /// Runs a program without input and reads its standard output; standard error is dropped. Killed after
 /// `seconds`. Errors: kUnavailable when it cannot be started, kTimeout.
 [[nodiscard]] Result<CapturedProcess> run_and_capture(const std::filesystem::path& program,

@@ -21,8 +21,6 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-constexpr double kLongSeconds = 30 * 86400.0;  // a render may take that long; Ctrl-C ends it
-
 /// What differs between two images, a line each; empty: nothing.
 std::vector<std::string> differences(const ImageOrigin& given, const ImageOrigin& again) {
   std::vector<std::string> lines;
@@ -47,7 +45,7 @@ Result<ImageOrigin> render_again(ClientCommand& command, const ImageOrigin& give
   const fs::path worker = command.context().folder / "photonfarm-worker";
   command.note(fmt::format("renders {} again: {} passes", given.spec.job.name, given.spec.stop.passes));
   const auto run =
-      run_and_capture(worker, {"render", job->string(), "--out", (folder / "out").string(), "--json"}, kLongSeconds);
+      run_and_capture(worker, {"render", job->string(), "--out", (folder / "out").string(), "--json"}, kRenderSeconds);
   if (!run) return tl::unexpected(run.error());
   if (run->end.exit_code != 0 || run->end.signal != 0) {
     return fail(

@@ -21,8 +21,6 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-constexpr double kLongSeconds = 30 * 86400.0;
-
 /// Units whose sums came in one result, and the hash that this result had.
 struct ResultUnits {
   std::string hash;
@@ -68,7 +66,7 @@ Result<json> recompute(const ClientCommand& command, const fs::path& job, const 
                        const std::vector<ResultUnits>& results) {
   Arguments arguments = {"unit", job.string(), "--checkpoint", checkpoint.string()};
   for (const ResultUnits& result : results) arguments.insert(arguments.end(), {"--units", result.text()});
-  const auto run = run_and_capture(command.context().folder / "photonfarm-worker", arguments, kLongSeconds);
+  const auto run = run_and_capture(command.context().folder / "photonfarm-worker", arguments, kRenderSeconds);
   if (!run) return tl::unexpected(run.error());
   json document = json::parse(run->output, nullptr, false);
   if (run->end.exit_code != 0 || !document.is_object() || !document.contains("results") ||

@@ -8,6 +8,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "jobs/benchmark/planner_judgement.h"
+
 namespace pf::bench {
 namespace {
 
@@ -114,6 +116,32 @@ ordered_json method_json(const BenchResult& bench, std::size_t m, const MethodRe
           {"groups", std::move(groups)}};
 }
 
+ordered_json ratio_json(const BenchResult& bench, double target, const std::optional<TimeRatio>& ratio) {
+  if (!ratio) return {{"target", number(target)}, {"ratio", nullptr}, {"kind", "no_rival"}, {"soonest", nullptr}};
+  using Kind = TimeRatio::Kind;
+  const char* kind = ratio->kind == Kind::kExact ? "exact" : ratio->kind == Kind::kAtMost ? "at_most" : "at_least";
+  return {{"target", target},
+          {"ratio", ratio->ratio},
+          {"kind", kind},
+          {"soonest", bench.suite.methods[ratio->soonest].name}};
+}
+
+/// Judgements of every method of type "auto".
+ordered_json planner_json(const BenchResult& bench, const SceneResult& scene) {
+  ordered_json all = ordered_json::array();
+  for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+    if (bench.suite.methods[m].type != "auto") continue;
+    const PlannerOfScene found = judge_planner(bench, scene, m);
+    ordered_json targets = ordered_json::array();
+    for (std::size_t t = 0; t < found.targets.size(); ++t)
+      targets.push_back(ratio_json(bench, bench.suite.targets[t], found.targets[t]));
+    all.push_back({{"method", bench.suite.methods[m].name},
+                   {"targets", std::move(targets)},
+                   {"least", ratio_json(bench, found.least_error, found.least)}});
+  }
+  return all;
+}
+
 ordered_json scene_json(const BenchResult& bench, const SceneResult& scene) {
   const Reference& r = scene.reference;
   ordered_json methods = ordered_json::array(), front = ordered_json::array();
@@ -135,6 +163,7 @@ ordered_json scene_json(const BenchResult& bench, const SceneResult& scene) {
             {"noise", number(r.noise)},
             {"flip_between_halves", number(r.flip_between_halves)}}},
           {"front", std::move(front)},
+          {"planner", planner_json(bench, scene)},
           {"methods", std::move(methods)}};
 }
 

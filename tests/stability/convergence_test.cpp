@@ -158,7 +158,7 @@ TEST(Convergence, SquaredErrorFallsWithTwoThirdsOfTheWorkOnDiffuseWalls) {
 }
 
 TEST(Convergence, SquaredErrorFallsWithTwoThirdsOfTheWorkThroughGlassAndMirror) {
-  expect_the_rate(peer_scene(), peer_reference(), 4);
+  expect_the_rate(peer_scene(), peer_reference(), 6);  // its caustics make single runs differ
 }
 
 TEST(Convergence, SquaredErrorFallsWithTwoThirdsOfTheWorkAtFixedHitPoints) {

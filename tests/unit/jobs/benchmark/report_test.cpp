@@ -117,6 +117,19 @@ TEST_F(BenchReport, GnuplotDrawsEveryChart) {
   }
 }
 
+TEST_F(BenchReport, JudgesThePlannerWhereTheSuiteHasIt) {
+  EXPECT_EQ(html().find("The planner ("), std::string::npos);
+  EXPECT_TRUE(results_json(result_)["scenes"][0]["planner"].empty());
+  result_.suite.methods[1].type = "auto";
+  const std::string page = std::regex_replace(html(), std::regex("base64,[A-Za-z0-9+/=]*"), "base64,");
+  EXPECT_NE(page.find("The planner (" + result_.suite.methods[1].name + ")"), std::string::npos);
+  EXPECT_EQ(wrongly_nested(page), "");
+  const auto planner = results_json(result_)["scenes"][0]["planner"];
+  ASSERT_EQ(planner.size(), 1u);
+  EXPECT_EQ(planner[0]["least"]["soonest"], result_.suite.methods[0].name);
+  EXPECT_GT(planner[0]["least"]["ratio"].get<double>(), 0.0);
+}
+
 TEST_F(BenchReport, AFailureStandsInTheReport) {
   result_.scenes[0].methods[1].runs[0].error = "exited with code 5: no more \"paper\"";
   EXPECT_NE(html().find("no more &quot;paper&quot;"), std::string::npos);
