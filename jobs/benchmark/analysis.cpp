@@ -61,12 +61,17 @@ void analyse_method(const BenchResult& bench, MethodResult& method, const Refere
   }
   for (const auto& [budget, samples] : by_budget) method.groups.push_back(group_of(budget, samples, reference));
   method.slope = fit_slope(runs);
-  std::vector<Point> curve;
-  for (const Group& g : method.groups) curve.push_back({bench.seconds(g), g.rel_mse_corrected});
+  const std::vector<Point> curve = curve_of(bench, method);
   for (const double target : bench.suite.targets) method.times.push_back(time_to_error(curve, target));
 }
 
 }  // namespace
+
+std::vector<Point> curve_of(const BenchResult& bench, const MethodResult& method) {
+  std::vector<Point> curve;
+  for (const Group& g : method.groups) curve.push_back({bench.seconds(g), g.rel_mse_corrected});
+  return curve;
+}
 
 void analyse(BenchResult& bench) {
   for (SceneResult& scene : bench.scenes) {

@@ -82,6 +82,8 @@ struct BenchResult {
                                      const Scene& scene);
 /// Fills in the errors of a run's images, from errors.json where that fits the reference, else by measuring.
 [[nodiscard]] Result<void> measure(RunResult& result, const Reference& reference);
+/// Error, the reference's noise taken off, over seconds: means of the budgets.
+[[nodiscard]] std::vector<Point> curve_of(const BenchResult& bench, const MethodResult& method);
 /// Groups, front, slopes and times, from the runs.
 void analyse(BenchResult& result);
 

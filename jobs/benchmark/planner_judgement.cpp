@@ -8,12 +8,6 @@ namespace {
 
 using Kind = TimeToError::Kind;
 
-std::vector<Point> curve_of(const BenchResult& bench, const MethodResult& method) {
-  std::vector<Point> curve;
-  for (const Group& g : method.groups) curve.push_back({bench.seconds(g), g.rel_mse_corrected});
-  return curve;
-}
-
 std::vector<std::size_t> rivals_of(const BenchResult& bench, const SceneResult& scene) {
   std::vector<std::size_t> rivals;
   for (std::size_t m = 0; m < scene.methods.size(); ++m) {

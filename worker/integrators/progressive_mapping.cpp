@@ -16,6 +16,9 @@ DiscQuery query_at(const Vertex& vertex, float radius2) {
   return {vertex.point.position, vertex.bsdf.ng(), radius2, vertex.transmissive && !vertex.bsdf.gather_is_lambert()};
 }
 
+/// 0 stands for none yet.
+void keep_least(float& least, float radius2) { least = least > 0.0f ? std::min(least, radius2) : radius2; }
+
 PhotonOptions guided(PhotonOptions options, const EmissionGuide& guide) {
   options.guide = &guide;
   return options;
@@ -61,8 +64,7 @@ struct ProgressiveMapping::FirstDisc {
 struct ProgressiveMapping::RadiusSink {
   const ProgressiveMapping& integrator;
   Cursors& photons;
-  std::span<ProgressivePixel> points;  ///< of the pixel
-  std::size_t first;                   ///< index of the first of them
+  std::size_t first;  ///< index of the pixel's first hit point
   std::vector<GatherDisc>& discs;
   std::vector<FirstDisc>& first_discs;  ///< likewise
   TileFigures& figures;
@@ -75,7 +77,7 @@ struct ProgressiveMapping::RadiusSink {
   void direct(const Vertex&, float, const Vec2f&, float, const EyeWalk&) {}
   void gather(const Vertex& vertex, const Rgb&, const Vec2f& u, const EyeWalk& walk) {
     const float footprint = integrator.eye_.camera().footprint(walk.distance);
-    const std::size_t point = std::min(gathers++, points.size() - 1);
+    const std::size_t point = std::min(gathers++, integrator.points() - 1);
     const FirstRadius& rule = integrator.first_radius_;
     const DiscQuery query = query_at(vertex, 0.0f);
     FirstDisc disc{.point = first + point, .radius2 = {}, .widened2 = {}};
@@ -86,7 +88,6 @@ struct ProgressiveMapping::RadiusSink {
     discs.push_back({vertex.point, query_at(vertex, std::max(disc.widened2[kCaustic], disc.widened2[kIndirect])), u});
     first_discs.push_back(disc);
   }
-  static void keep_least(float& least, float radius2) { least = least > 0.0f ? std::min(least, radius2) : radius2; }
 };
 
 std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
@@ -102,7 +103,7 @@ std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
     for (int y = tile.y0; y < tile.y1; ++y) {
       for (int x = tile.x0; x < tile.x1; ++x) {
         const std::size_t i = (static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)) * points();
-        RadiusSink sink{*this, photons, std::span(state).subspan(i, points()), i, discs, first_discs, sheet};
+        RadiusSink sink{*this, photons, i, discs, first_discs, sheet};
         const std::uint64_t samples = std::max<std::uint64_t>(sampling_.fixed, 1);
         for (std::uint64_t k = 0; k < samples; ++k) EyePaths(scene_, eye_, max_depth_).follow(x, y, k, sink);
       }
@@ -114,7 +115,7 @@ std::vector<ProgressivePixel> ProgressiveMapping::initial_radii() const {
       const float covered = discs[d].covered_radius;
       for (const Flow flow : {kCaustic, kIndirect}) {
         const float widened2 = disc.widened2[flow];
-        RadiusSink::keep_least(pixel[flow].radius2, covered * covered >= widened2 ? widened2 : disc.radius2[flow]);
+        keep_least(pixel[flow].radius2, covered * covered >= widened2 ? widened2 : disc.radius2[flow]);
       }
       pixel.covered_radius = std::min(pixel.covered_radius, covered);
     }
