@@ -1,6 +1,7 @@
 #include "common/film/progressive.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace pf {
@@ -44,7 +45,9 @@ FlowState updated(const FlowState& state, std::uint32_t photons, const std::arra
 }
 
 std::uint64_t round_size(std::uint64_t sub_passes_done, double growth) {
-  return 1 + static_cast<std::uint64_t>(std::floor(static_cast<double>(sub_passes_done) * growth));
+  const auto size = 1 + static_cast<std::uint64_t>(std::floor(static_cast<double>(sub_passes_done) * growth));
+  const std::uint64_t step = size < 2 ? 1 : std::max<std::uint64_t>(2, std::bit_floor(size) / 2);
+  return size / step * step;
 }
 
 double independent_radius2_ratio(std::uint64_t index, double alpha) {
