@@ -247,7 +247,7 @@ Result<LoadedJob> plan_job(const JobSpec& spec, const Clock& clock) {
   const double piloted_from = clock.now();
   job.pilot = fly_pilot(*job.scene, *job.camera, spec);
   job.pilot_seconds = clock.now() - piloted_from;
-  job.pilot.emission = fly_emission_pilot(*job.scene, *job.camera, spec);
+  job.pilot.emission = fly_emission_pilot(*job.scene, *job.camera, spec, job.pilot);
   job.plan = make_plan(spec, job.facts, job.pilot);
   job.load_seconds = clock.now() - start;
   return job;

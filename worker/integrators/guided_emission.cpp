@@ -13,14 +13,9 @@
 namespace pf {
 namespace {
 
-/// Photon paths of a lesson, each guided by the ones before: as many as of a sub-pass, at most.
-constexpr std::int64_t kMostPaths = 32768;
-constexpr int kLessons = 4;
 /// Where the first guide gained less than this although many paths (of equal worth) taught it, no other will gain much:
 /// closed rooms, of which the eye sees most.
 constexpr double kHopelessGain = 1.25, kManyExamples = 256.0;
-/// Pixels that are looked at, on a grid over the image.
-constexpr int kPixels = 8192;
 constexpr std::uint64_t kSeed = 1;  // whatever the job's
 /// Sub-passes that no job counts to: the pilot's numbers are its own.
 constexpr std::uint64_t kPilotSubPass = std::uint64_t{1} << 63;
@@ -68,7 +63,8 @@ struct LookSink {
 };
 
 std::vector<Look> look_around(const Scene& scene, const Eye& eye, int max_depth) {
-  const double edge = std::max(1.0, std::sqrt(double{static_cast<double>(eye.width()) * eye.height()} / kPixels));
+  const double edge =
+      std::max(1.0, std::sqrt(double{static_cast<double>(eye.width()) * eye.height()} / kEmissionPixels));
   const int columns = std::max(1, static_cast<int>(eye.width() / edge));
   const int rows = std::max(1, static_cast<int>(eye.height() / edge));
   std::vector<Look> looks(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
@@ -145,7 +141,7 @@ LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const J
   const std::vector<Look> looks = look_around(scene, eye, spec.integrator.max_depth);
   PhotonOptions options = photon_options(spec);
   options.seed = kSeed;
-  options.paths = static_cast<std::uint32_t>(std::min(photon_paths(spec), kMostPaths));
+  options.paths = static_cast<std::uint32_t>(std::min(photon_paths(spec), kMostLessonPaths));
   options.guide = &learned.guide;
   options.number_photons = true;
   const PhotonTracer tracer(scene, options);
@@ -153,7 +149,7 @@ LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const J
   const FirstRadius rule{spec.integrator.initial_radius, 0.5f * length(scene.bounds().size()),
                          static_cast<double>(options.paths)};
   std::vector<EmissionGuide::Example> examples;
-  for (int lesson = 0; lesson < kLessons; ++lesson) {
+  for (int lesson = 0; lesson < kEmissionLessons; ++lesson) {
     const std::uint64_t sub_pass = kPilotSubPass + static_cast<std::uint64_t>(lesson);
     PhotonBatch batch = tracer.trace(sub_pass);
     learned.paths += options.paths;

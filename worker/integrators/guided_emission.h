@@ -1,10 +1,15 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/spec/job_spec.h"
 #include "worker/integrators/eye.h"
 #include "worker/photon/emission_guide.h"
 
 namespace pf {
+
+inline constexpr int kEmissionLessons = 4, kEmissionPixels = 4096;
+inline constexpr std::int64_t kMostLessonPaths = 32768;
 
 /// What a pilot taught about emission.
 struct LearnedEmission {
@@ -23,6 +28,8 @@ struct LearnedEmission {
 /// A function of scene, camera, image size, depth and photons of a sub-pass: random numbers are fixed, whatever the
 /// job's seed, sums are taken in a fixed order, so that every worker of a farm learns the same on any number of
 /// threads. The pilot's photons are not used for the image.
+/// It gives kEmissionLessons lessons at most, of as many paths as of a sub-pass and no more than kMostLessonPaths, and
+/// looks at kEmissionPixels pixels of a grid over the image.
 [[nodiscard]] LearnedEmission learn_emission(const Scene& scene, const Camera& camera, const JobSpec& spec);
 
 }  // namespace pf

@@ -1,8 +1,10 @@
 #include "worker/plan/forecast.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace pf {
 namespace {
@@ -14,6 +16,10 @@ constexpr double kPhotonRay = 0.65, kGather = 0.9;
 constexpr double kRecords = 0.5;
 /// What interpolating records leaves of the map's own error (0.4 to 0.9 on the example scenes).
 constexpr double kInterpolated = 0.5;
+
+/// relMSE of sppm's density estimates over that of their noise alone, by flow: blur adds to it, widened discs take from
+/// it (2.6 to 6 where indirect light rules, 1.2 for the caustic of a ball, in images below relMSE 0.001).
+constexpr std::array<double, kFlows> kErrorOverNoise{1.2, 4.0};
 
 double pixels_of(const JobSpec& spec) { return static_cast<double>(spec.image.width) * spec.image.height; }
 
@@ -34,7 +40,8 @@ Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths, bo
   Forecast f;
   f.fast = pilot.direct_noise;
   f.power = pilot.direct_power();
-  f.slow = (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]) / std::pow(more, 2.0 / 3.0);
+  for (const Flow flow : {kCaustic, kIndirect})
+    f.slow += kErrorOverNoise[flow] * pilot.photon_noise[flow] / std::pow(more, 2.0 / 3.0);
   double rays = pilot.photon_rays;
   if (guided) {
     f.slow /= pilot.emission.gain;
@@ -45,24 +52,17 @@ Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, std::int64_t paths, bo
   return f;
 }
 
-/// Photon paths of a pass, and sppm with them.
-struct PhotonChoice {
-  std::int64_t paths = 0;
-  Forecast forecast;
-};
-
-PhotonChoice choose_photons(const JobSpec& spec, const Pilot& pilot, bool guided) {
-  const std::int64_t asked = spec.integrator.photons;
-  if (asked > 0) return {asked, sppm_of(spec, pilot, asked, guided)};
-  PhotonChoice best;
-  for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
-    const auto paths =
-        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
-    const Forecast forecast = sppm_of(spec, pilot, paths, guided);
-    if (best.paths == 0 || forecast.work_to(kPlanTarget) < best.forecast.work_to(kPlanTarget)) best = {paths, forecast};
-  }
-  return best;
+/// Work of learn_emission().
+double work_of_lessons(const JobSpec& spec, const Pilot& pilot) {
+  const auto paths = static_cast<double>(std::min(photon_paths(spec), kMostLessonPaths));
+  const double places = std::min<double>(pixels_of(spec), kEmissionPixels);
+  return kEmissionLessons * (kPhotonRay * paths * pilot.photon_rays + kGather * places * pilot.gathers) +
+         places * pilot.eye_rays;
 }
+
+/// Guided photons must not be foretold to take more than this part of the work: they all come to where the eye looks
+/// and cost up to 1.45 times as much to sort and gather, which the forecast leaves out.
+constexpr double kMostWork = 0.65;
 
 }  // namespace
 
@@ -84,15 +84,28 @@ double Forecast::passes_to(double target) const {
 
 double Forecast::work_to(double target) const { return setup + passes_to(target) * pass; }
 
+double Forecast::judged_work() const { return std::sqrt(work_to(kPlanTarget) * work_to(kFineTarget)); }
+
 bool guides_emission(const JobSpec& spec, const Pilot& pilot) {
   if (spec.integrator.guide_emission != Switch::kAuto) return spec.integrator.guide_emission == Switch::kOn;
   // Below, the pilot's own noise could be all there is.
   constexpr double kLeastGain = 1.5;
-  // Photons that all come to where the eye looks cost more to sort and gather, which the forecast leaves out.
-  constexpr double kMostWork = 0.9;
-  return pilot.emission.gain >= kLeastGain &&
-         choose_photons(spec, pilot, true).forecast.work_to(kPlanTarget) <=
-             kMostWork * choose_photons(spec, pilot, false).forecast.work_to(kPlanTarget);
+  if (pilot.emission.gain < kLeastGain) return false;
+  const std::int64_t paths = plan_photons(spec, pilot);
+  return sppm_of(spec, pilot, paths, true).judged_work() <=
+         kMostWork * sppm_of(spec, pilot, paths, false).judged_work();
+}
+
+bool guide_could_pay(const JobSpec& spec, const Pilot& pilot) {
+  if (spec.integrator.guide_emission == Switch::kOn) return true;
+  const Forecast unguided = sppm_of(spec, pilot, plan_photons(spec, pilot), false);
+  Forecast best = unguided;  // no noise of photons at all
+  best.slow = 0;
+  const double lessons = work_of_lessons(spec, pilot);
+  best.setup += lessons;
+  constexpr double kMostLessons = 0.25;  // of the work to a first good look, which lessons put off
+  return lessons <= kMostLessons * unguided.work_to(kPlanTarget) &&
+         best.judged_work() <= kMostWork * unguided.judged_work();
 }
 
 Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
@@ -109,11 +122,27 @@ Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
 }
 
 Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) {
-  return choose_photons(spec, pilot, guides_emission(spec, pilot)).forecast;
+  return sppm_of(spec, pilot, plan_photons(spec, pilot), guides_emission(spec, pilot));
 }
 
 std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot) {
-  return choose_photons(spec, pilot, guides_emission(spec, pilot)).paths;
+  if (spec.integrator.photons > 0) return spec.integrator.photons;
+  struct Choice {
+    std::int64_t paths;
+    double work;
+  };
+  std::vector<Choice> choices;
+  double least = std::numeric_limits<double>::infinity();
+  for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
+    const auto paths =
+        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths);
+    choices.push_back({paths, sppm_of(spec, pilot, paths, false).judged_work()});
+    least = std::min(least, choices.back().work);
+  }
+  constexpr double kAsGood = 1.1;  // fewer photons: more passes, and a sooner first look
+  const auto fewest =
+      std::find_if(choices.begin(), choices.end(), [&](const Choice& c) { return c.work <= kAsGood * least; });
+  return fewest->paths;
 }
 
 Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {

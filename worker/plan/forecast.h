@@ -22,22 +22,28 @@ struct Forecast {
   /// Least passes after which the error is at most `target`; infinite when it never is.
   [[nodiscard]] double passes_to(double target) const;
   [[nodiscard]] double work_to(double target) const;
+  /// What methods and photons of a pass are chosen by: geometric mean of the work to kPlanTarget and to kFineTarget.
+  [[nodiscard]] double judged_work() const;
 };
 
-/// The error that methods are compared at. Not the job's stop.error: a job that is made longer keeps its
-/// method.
-inline constexpr double kPlanTarget = 0.01;
+/// Errors that methods are compared at: a first good look, and an image that is kept. Not the job's stop.error: a job
+/// that is made longer keeps its method.
+inline constexpr double kPlanTarget = 0.01, kFineTarget = 0.001;
 /// Around kPlanTarget the forecast of an error is right within this factor both ways on the example scenes.
 inline constexpr double kForecastFactor = 3.0;
 
 /// Whether photons of ppm and sppm are to start where the pilot learned that it matters: where that leaves at most two
-/// thirds of their noise and sppm comes to kPlanTarget a tenth sooner by it, or where the job says so.
+/// thirds of their noise and saves sppm a third of the judged work, or where the job says so.
 [[nodiscard]] bool guides_emission(const JobSpec& spec, const Pilot& pilot);
+/// Whether a guide could save a third of the judged work if it left no noise of photons at all, lessons included,
+/// and these are short against the work to a first good look; or the job asks for one.
+[[nodiscard]] bool guide_could_pay(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_path(const JobSpec& spec, const Pilot& pilot);
-/// Of sppm with its photon paths of a pass as the job says or, where it leaves them open, plan_photons().
+/// Of sppm with plan_photons().
 [[nodiscard]] Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot);
-/// Photon paths of a pass of sppm: the job's, or those of 1, 2, 4 ... 32 a pixel with the least work to
-/// kPlanTarget. Few where the eye's own noise rules, many where few photons reach what is seen.
+/// Photon paths of a pass of sppm: the job's, or of 1, 2, 4 ... 32 a pixel the fewest that take no more than a tenth
+/// over the least judged work, unguided: what a guide saves is not known so well that fewer could be risked. Few where
+/// the eye's own noise rules, many where few photons reach what is seen.
 [[nodiscard]] std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot);
 

@@ -11,6 +11,7 @@
 #include "worker/integrators/first_radius.h"
 #include "worker/integrators/map_estimate.h"
 #include "worker/integrators/path.h"
+#include "worker/plan/forecast.h"
 
 namespace pf {
 namespace {
@@ -339,10 +340,10 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
   return pilot;
 }
 
-LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
+LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec, const Pilot& pilot) {
   const IntegratorType type = spec.integrator.type;
   const bool of_use = type == IntegratorType::kAuto || type == IntegratorType::kPpm || type == IntegratorType::kSppm;
-  if (!of_use || spec.integrator.guide_emission == Switch::kOff) return {};
+  if (!of_use || spec.integrator.guide_emission == Switch::kOff || !guide_could_pay(spec, pilot)) return {};
   return learn_emission(scene, camera, spec);
 }
 

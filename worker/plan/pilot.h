@@ -70,7 +70,9 @@ inline constexpr int kPilotPixels = 384, kPilotSamples = 16;
 
 /// Traces the pilot of a job: a tenth of a second on one thread, a few tenths in closed rooms.
 [[nodiscard]] Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec);
-/// What guides the photons of the job's method, if it is one that can be guided and the job does not say no.
-[[nodiscard]] LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec);
+/// What guides the photons of the job's method, if it is one that can be guided, the job does not say no and what
+/// `pilot` found leaves a guide something to save.
+[[nodiscard]] LearnedEmission fly_emission_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec,
+                                                 const Pilot& pilot);
 
 }  // namespace pf

@@ -39,11 +39,11 @@ constexpr double kSparse = 0.2;
 
 std::string_view name_of(IntegratorType type) { return to_string(type); }
 
-/// Work up to the error that methods are compared at; infinite for what stays wrong in a way that shows.
+/// Work up to the errors that methods are compared at; infinite for what stays wrong in a way that shows.
 double work_of(const Candidate& c) {
   if (c.method == IntegratorType::kPath && c.forecast.floor > kNeverShown)
     return std::numeric_limits<double>::infinity();
-  return c.forecast.work_to(kPlanTarget);
+  return c.forecast.judged_work();
 }
 
 std::vector<Candidate> weigh(const JobSpec& spec, const Pilot& pilot) {
@@ -83,13 +83,16 @@ std::string path_words(const Pilot& pilot, const CausticFacts& caustics) {
 Decision choose_algorithm(const SceneFacts& facts, const Pilot& pilot, const std::vector<Candidate>& candidates) {
   if (pilot.flux <= 0.0) return {"algorithm", "path", "nothing emits light: the image is black whatever computes it"};
   const Candidate& best = candidates.front();
-  const double work = work_of(best);
   std::string reason = path_words(pilot, facts.caustics);
   for (std::size_t i = 1; i < candidates.size(); ++i) {
-    const double ratio = work_of(candidates[i]) / work;
+    const auto ratio = [&](double target) {
+      return candidates[i].forecast.work_to(target) / best.forecast.work_to(target);
+    };
     reason += fmt::format("; {} would ", name_of(candidates[i].method));
-    reason += std::isfinite(ratio) ? fmt::format("take {:.2g} times as long to relMSE {}", ratio, kPlanTarget)
-                                   : fmt::format("end at relMSE {:.2g}", candidates[i].forecast.floor);
+    reason += std::isfinite(work_of(candidates[i]))
+                  ? fmt::format("take {:.2g} times as long to relMSE {} and {:.2g} times to {}", ratio(kPlanTarget),
+                                kPlanTarget, ratio(kFineTarget), kFineTarget)
+                  : fmt::format("end at relMSE {:.2g}", candidates[i].forecast.floor);
   }
   return {"algorithm", std::string(name_of(best.method)), std::move(reason)};
 }
@@ -129,8 +132,8 @@ void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
   std::string reason = fmt::format("{:.2g} a pixel", static_cast<double>(paths) / pixels);
   if (plan.photons > 0) {
     reason += fmt::format(
-        ", the fastest to relMSE {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
-        kPlanTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
+        ", the fastest to relMSE {} and {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
+        kPlanTarget, kFineTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
   }
   if (keeps_maps(plan.algorithm)) reason = "as many as a map wants that is made once";
   if (spec.integrator.photons > 0) reason = "the job asks for them (integrator.photons)";

@@ -18,6 +18,13 @@ TEST(Forecast, TakesAsManyPassesAsTheErrorNeeds) {
   EXPECT_EQ(noise.passes_to(2.0), 1);
 }
 
+TEST(Forecast, IsJudgedByAFirstLookAndByAFineImage) {
+  const Forecast noise{.fast = 1.0, .setup = 10.0, .pass = 1.0};
+  EXPECT_DOUBLE_EQ(noise.judged_work(), std::sqrt(110.0 * 1010.0));
+  const Forecast good_at_first{.fast = 0.1, .floor = 0.002, .pass = 1.0};
+  EXPECT_TRUE(std::isinf(good_at_first.judged_work()));
+}
+
 TEST(Forecast, NeverGetsBelowItsFloor) {
   const Forecast f{.fast = 1.0, .floor = 0.02};
   EXPECT_TRUE(std::isinf(f.passes_to(0.01)));

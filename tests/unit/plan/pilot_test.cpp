@@ -105,10 +105,13 @@ TEST(Pilot, TellsHowFastNoiseFallsFromGroupsOfSamples) {
 
 TEST(Pilot, TeachesAGuideOnlyToMethodsThatHaveAUseForIt) {
   const auto scene = diffuse_box().build();
+  Pilot noisy;
+  noisy.eye_rays = noisy.photon_rays = 2;
+  noisy.photon_noise[kIndirect] = 100;
   const auto paths = [&](IntegratorType type, Switch asked = Switch::kAuto) {
     JobSpec spec = job(16, 16, type);
     spec.integrator.guide_emission = asked;
-    return fly_emission_pilot(*scene, scene->cameras().front(), spec).paths;
+    return fly_emission_pilot(*scene, scene->cameras().front(), spec, noisy).paths;
   };
   EXPECT_GT(paths(IntegratorType::kSppm), 0u);
   EXPECT_GT(paths(IntegratorType::kPpm), 0u);
@@ -116,6 +119,9 @@ TEST(Pilot, TeachesAGuideOnlyToMethodsThatHaveAUseForIt) {
   EXPECT_EQ(paths(IntegratorType::kPath), 0u);
   EXPECT_EQ(paths(IntegratorType::kPhotonMap, Switch::kOn), 0u);
   EXPECT_EQ(paths(IntegratorType::kSppm, Switch::kOff), 0u);
+  noisy.photon_noise[kIndirect] = 1e-4;
+  EXPECT_EQ(paths(IntegratorType::kSppm), 0u) << "one pass is enough without";
+  EXPECT_GT(paths(IntegratorType::kSppm, Switch::kOn), 0u) << "the job asks for it";
 }
 
 }  // namespace

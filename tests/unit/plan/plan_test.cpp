@@ -146,7 +146,7 @@ TEST(Plan, CachesIrradianceOnlyOnDiffuseSmoothAndLargeSurfaces) {
   Pilot pilot = plain_pilot();
   pilot.path_noise = 100;  // light through a keyhole ...
   pilot.direct_noise = 0.001;
-  pilot.photon_noise[kIndirect] = 0.16;  // ... that few photons find
+  pilot.photon_noise[kIndirect] = 0.02;  // ... that few photons find
   JobSpec spec = auto_job();
   spec.irradiance_cache.rays = 64;
   pilot.roughness = 0.24;
@@ -165,8 +165,9 @@ TEST(Plan, CachesIrradianceOnlyOnDiffuseSmoothAndLargeSurfaces) {
 TEST(Plan, PrefersPathsWhereBothTakeAsLong) {
   Pilot pilot = plain_pilot();
   pilot.photon_noise[kIndirect] = 0;
-  const double passes = forecast_path(auto_job(), pilot).passes_to(kPlanTarget);
-  pilot.path_rays = 1.1 * forecast_sppm(auto_job(), pilot).work_to(kPlanTarget) / (passes * 64 * 48);
+  pilot.path_rays = 1.0;
+  pilot.path_rays =
+      1.1 * forecast_sppm(auto_job(), pilot).judged_work() / forecast_path(auto_job(), pilot).judged_work();
   EXPECT_EQ(planned(pilot).algorithm, IntegratorType::kPath);
   pilot.path_rays *= 1.1;
   EXPECT_EQ(planned(pilot).algorithm, IntegratorType::kSppm);
