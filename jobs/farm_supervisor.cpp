@@ -26,7 +26,7 @@ using std::chrono::steady_clock;
 
 constexpr auto kFirstWait = 250ms;
 constexpr int kDoublings = 7;  // 250 ms * 2^7: 32 s
-constexpr auto kProven = 60s;  // what ran so long did not fail at its start
+constexpr auto kProven = 3s;   // what ran so long did not fail at its start
 
 /// Exit codes after which another try cannot help: usage, job file or another build; scene or image.
 bool is_final(const ProcessEnd& end) { return end.signal == 0 && (end.exit_code == 2 || end.exit_code == 3); }
@@ -37,8 +37,13 @@ tl::unexpected<Error> system_failure(std::string_view what) {
 
 }  // namespace
 
+std::chrono::milliseconds RestartPause::after(steady_clock::duration ran) {
+  failures_ = ran >= kProven ? 1 : failures_ + 1;
+  return kFirstWait * (1 << std::min(failures_ - 1, kDoublings));
+}
+
 Supervisor::Supervisor(Options options) : options_(std::move(options)) {
-  for (Service& service : options_.services) all_.push_back({std::move(service), {}, {}, {}, 0, false});
+  for (Service& service : options_.services) all_.push_back({std::move(service), {}, {}, {}, {}, false});
 }
 
 Supervisor::~Supervisor() {
@@ -119,8 +124,7 @@ Result<void> Supervisor::take_end(Running& running, const ProcessEnd& end) {
     return {};
   }
   const auto now = steady_clock::now();
-  running.failures = now - running.started > kProven ? 1 : running.failures + 1;
-  const auto pause = kFirstWait * (1 << std::min(running.failures - 1, kDoublings));
+  const auto pause = running.pause.after(now - running.started);
   running.start_at = now + pause;
   options_.say(fmt::format("{} {}; starting it again in {:.2g} s", service.name, to_string(end),
                            std::chrono::duration<double>(pause).count()));

@@ -22,10 +22,21 @@ struct Service {
   bool needed = false;         ///< the farm cannot go on when it is given up
 };
 
-/// Starts services in their order, starts again what ends (after a quarter of a second, then twice as long up to 30 s
-/// while it keeps failing), and stops them all when asked to. A service whose exit code says that trying again is no
-/// use (2: usage or another build, 3: input) is given up; when that is a needed one, or nothing else is left of its
-/// stage, so is the farm. Single-threaded; the kernel kills the services when it dies, however that comes about.
+/// How long to wait before a program that ended is started again: a quarter of a second, and twice as long, up to 32 s,
+/// each time that it did not even run for three. One that is killed at work is not kept from it.
+class RestartPause {
+ public:
+  /// It ended, having run for so long.
+  [[nodiscard]] std::chrono::milliseconds after(std::chrono::steady_clock::duration ran);
+
+ private:
+  int failures_ = 0;
+};
+
+/// Starts services in their order, starts again what ends (RestartPause), and stops them all when asked to. A service
+/// whose exit code says that trying again is no use (2: usage or another build, 3: input) is given up; when that is a
+/// needed one, or nothing else is left of its stage, so is the farm. Single-threaded; the kernel kills the services
+/// when it dies, however that comes about.
 class Supervisor {
  public:
   struct Options {
@@ -50,7 +61,7 @@ class Supervisor {
     std::optional<Child> child;
     std::optional<Time> start_at;  ///< of the next try
     Time started;
-    int failures = 0;
+    RestartPause pause;
     bool given_up = false;
   };
 
