@@ -45,8 +45,10 @@ FlowState updated(const FlowState& state, std::uint32_t photons, const std::arra
 }
 
 std::uint64_t round_size(std::uint64_t sub_passes_done, double growth) {
-  const auto size = 1 + static_cast<std::uint64_t>(std::floor(static_cast<double>(sub_passes_done) * growth));
-  const std::uint64_t step = size < 2 ? 1 : std::max<std::uint64_t>(2, std::bit_floor(size) / 2);
+  if (growth <= 0) return 1;
+  const auto asked = 1 + static_cast<std::uint64_t>(std::floor(static_cast<double>(sub_passes_done) * growth));
+  const auto size = std::max<std::uint64_t>(2, asked);
+  const std::uint64_t step = std::max<std::uint64_t>(2, std::bit_floor(size) / 2);
   return size / step * step;
 }
 

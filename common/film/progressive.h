@@ -31,8 +31,9 @@ struct ProgressivePixel {
 [[nodiscard]] FlowState updated(const FlowState& state, std::uint32_t photons, const std::array<std::int64_t, 3>& flow,
                                 std::uint64_t sub_passes, double alpha);
 
-/// Sub-passes of the round that starts after `sub_passes_done` = n: 1 + floor(growth n), less what is over a multiple
-/// of 2, from 8 on of 4, from 16 on of 8 and so on: workers share such a round without waiting for the last odd one.
+/// Sub-passes of the round that starts after `sub_passes_done` = n: 1 + floor(growth n), at least 2, less what is over
+/// a multiple of 2, from 8 on of 4, from 16 on of 8 and so on: workers share such a round without waiting for the last
+/// odd one. Always 1 without growth.
 [[nodiscard]] std::uint64_t round_size(std::uint64_t sub_passes_done, double growth);
 
 /// Squared radius of sub-pass `index` relative to that of sub-pass 0 [Knaus and Zwicker 2011, (20)]:

@@ -82,8 +82,8 @@ TEST(Film, DividesEveryPixelByTheSamplesThatItHas) {
   }
   EXPECT_EQ(image.layers[2].name, "specular");
   EXPECT_EQ(image.layers.back().name, "gather_points");
-  EXPECT_EQ(film.round_end(), 8u)
-      << "a round is a sweep, so that the error is looked at when every pixel has as many samples";
+  EXPECT_EQ(film.round_end(), 16u) << "a round is whole sweeps, the first two of them, so that the error is looked at "
+                                      "when every pixel has as many samples";
 }
 
 }  // namespace

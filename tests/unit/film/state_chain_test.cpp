@@ -50,8 +50,7 @@ TEST(StateChain, IsTheSameWhetherARoundCameWholeOrBitByBit) {
 TEST(StateChain, KeepsADifferenceForEverAndSurvivesACheckpoint) {
   const TempFolder folder;
   Film a = new_film(), b = new_film();
-  add(a, 1);
-  add(b, 1);
+  for (Film* film : {&a, &b}) add(*film, film->round_end());
   b.sums().pixels[0].flow[kIndirect][1] += 1;
   for (Film* film : {&a, &b}) film->close_round_if_complete();
   EXPECT_NE(a.round_chain(), b.round_chain());
