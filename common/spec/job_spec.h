@@ -74,10 +74,10 @@ struct JobSpec {
     double error = 0.1;       ///< bound on the relative error of interpolation; 0: gather at every sample
   } final_gather;
   struct IrradianceCache {
-    double error = 0.15;        ///< a of [Ward 1988]; smaller: more records
-    int rays = 512;             ///< of one record
-    double min_spacing = 1.5;   ///< pixels between records, at least
-    double max_spacing = 40.0;  ///< at most
+    double error = 0.4;          ///< a of [Ward 1988]; smaller: more records
+    int rays = 1024;             ///< of one record that serves 16 pixels each way; others by what they serve
+    double min_spacing = 3.0;    ///< pixels between records, at least
+    double max_spacing = 100.0;  ///< at most
     GatherSource source = GatherSource::kPhotonMap;
   } irradiance_cache;
   struct Cache {

@@ -218,9 +218,11 @@ constexpr std::array kKeys = {
         real<kFinalGather, &S::FinalGather::error>(0, 1)},
 
     Key{"irradiance_cache", "error", kOptional, kDecides, "",
-        "Error that a record may be used with; smaller: more records.",
+        "Error that a record may be used with; smaller: more records, of fewer rays each.",
         real<kIrradianceCache, &S::IrradianceCache::error>(0, 1, true)},
-    Key{"irradiance_cache", "rays", kOptional, kDecides, "rays", "Gather rays of one record.",
+    Key{"irradiance_cache", "rays", kOptional, kDecides, "rays",
+        "Gather rays of a record that stands for 16 pixels each way; those that stand for more get up to 8 times as "
+        "many, those for less down to an eighth.",
         integer<kIrradianceCache, &S::IrradianceCache::rays>(4, 65536)},
     Key{"irradiance_cache", "min_spacing", kOptional, kDecides, "pixels", "Least distance between records.",
         real<kIrradianceCache, &S::IrradianceCache::min_spacing>(0, 1000)},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "common/base/parallel.h"
 #include "common/math/offset.h"
@@ -10,8 +11,14 @@
 namespace pf {
 namespace {
 
-/// The overture asks for records within this part of the accepted error, so that what it leaves overlaps.
-constexpr float kOvertureTightness = 0.8f;
+/// The overture asks for records within this part of the accepted error, so that what it leaves overlaps: the mean over
+/// several records has less noise than each.
+constexpr float kOvertureTightness = 0.6f;
+/// Pixels between the points of the lattice whose records get as many rays as the job asks for, and the least and
+/// greatest part of them that others get. The noise of an image is least when a record's rays go by the root of the
+/// area that it serves.
+constexpr double kUsualStep = 16.0;
+constexpr double kLeastPart = 1.0 / 8.0, kMostPart = 8.0;
 /// Eye samples of a pixel that the overture looks at.
 constexpr std::uint64_t kOvertureSamples = 2;
 
@@ -48,7 +55,7 @@ HemisphereSamples IrradianceBuilder::gather(const GatherPlace& place, const Hemi
 
 void IrradianceBuilder::fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach,
                              TileFigures& figures) const {
-  const HemisphereSamples samples = gather(place, grid_, record.id, figures);
+  const HemisphereSamples samples = gather(place, record.grid(), record.id, figures);
   set_estimate(record, estimate_irradiance(samples, Frame::from_normal(place.normal)));
   if (reach != nullptr) *reach = RecordReach(samples);
 }
@@ -63,9 +70,9 @@ void IrradianceBuilder::gather_again(IrradianceRecord& record, RecordReach& reac
   fill(record, GatherPlace(record, media), &reach, figures);
 }
 
-void IrradianceBuilder::count_gathered(const TileFigures& tile) {
+void IrradianceBuilder::count_gathered(const IrradianceRecord& record, const TileFigures& tile) {
   ++figures_.gathered;
-  figures_.gather_rays += grid_.cells();
+  figures_.gather_rays += record.grid().cells();
   figures_.rays += tile.rays;
   figures_.faults += tile.faults;
 }
@@ -146,6 +153,8 @@ void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache&
     std::vector<IrradianceRecord> made(found.size());
     std::vector<RecordReach> reached(reaches != nullptr ? found.size() : 0);
     std::vector<TileFigures> tiles(found.size());
+    const double part = std::clamp(lattice.step / kUsualStep, kLeastPart, kMostPart);
+    const auto rays = static_cast<std::uint32_t>(std::max(1.0, std::round(part * options_.rays)));
     parallel_for(found.size(), [&](std::size_t i) {
       const GatherPlace& place = found[i].place;
       IrradianceRecord& record = made[i];
@@ -153,14 +162,17 @@ void IrradianceBuilder::overture(const Eye& eye, int max_depth, IrradianceCache&
       record.normal = place.normal;
       record.geometric_normal = place.geometric_normal;
       record.extent = place.extent;
-      record.least = static_cast<float>(options_.min_spacing / options_.error) * place.pixel;
-      record.most = static_cast<float>(options_.max_spacing / options_.error) * place.pixel;
+      // Where the overture finds it too far, it is so many pixels away.
+      const double asked = double{kOvertureTightness} * options_.error;
+      record.least = static_cast<float>(options_.min_spacing / asked) * place.pixel;
+      record.most = static_cast<float>(options_.max_spacing / asked) * place.pixel;
+      record.rays = rays;
       record.id = next_id + static_cast<std::uint32_t>(i);
       fill(record, place, reaches != nullptr ? &reached[i] : nullptr, tiles[i]);
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       cache.insert(made[i]);
-      count_gathered(tiles[i]);
+      count_gathered(made[i], tiles[i]);
       if (reaches != nullptr) reaches->push_back(std::move(reached[i]));
       if (!marks.empty()) {
         ++marks[static_cast<std::size_t>(found[i].y) * static_cast<std::size_t>(eye.width()) +
@@ -183,7 +195,7 @@ void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, 
       const IrradianceRecord& record = file.records[i];
       if (change.holds(record.position)) {
         fates[i] = Fate::kDropped;
-      } else if (changed_part(record, file.reaches[i], grid_, seed_, change, light) > kTouchedPart) {
+      } else if (changed_part(record, file.reaches[i], seed_, change, light) > kTouchedPart) {
         fates[i] = Fate::kRenewed;
       }
     });
@@ -206,7 +218,7 @@ void IrradianceBuilder::update(IrradianceFile& file, const SceneChange& change, 
     if (fates[i] != Fate::kRenewed) continue;
     cache.insert(file.records[i]);
     reaches.push_back(std::move(file.reaches[i]));
-    count_gathered(tiles[i]);
+    count_gathered(file.records[i], tiles[i]);
   }
   file.records = cache.records();
   file.reaches = std::move(reaches);

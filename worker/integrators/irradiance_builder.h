@@ -54,7 +54,7 @@ class IrradianceBuilder {
   /// `seed`: of the gather rays' random numbers.
   IrradianceBuilder(const Scene& scene, const GatherRadiance& source, const JobSpec::IrradianceCache& options,
                     std::uint64_t seed)
-      : scene_(scene), source_(source), options_(options), grid_(HemisphereGrid::of_rays(options.rays)), seed_(seed) {}
+      : scene_(scene), source_(source), options_(options), seed_(seed) {}
 
   /// Gather rays of one hemisphere, one a cell of `grid`; `stream` names their random numbers. Where a ray
   /// would start below the true surface nothing arrives.
@@ -64,7 +64,8 @@ class IrradianceBuilder {
   /// Overture: makes records for what the image will ask, from coarse lattices of pixels to fine ones [Ward
   /// 1988, 4.2; Krivanek and Gautron 2009, 5.1]. All points of a lattice are looked up in what the lattices
   /// before left, then gathered at once and inserted in the order of the pixels: the result depends on
-  /// neither threads nor the order of the lookups. `marks`, when not empty, counts the records made at each
+  /// neither threads nor the order of the lookups. Records of coarse lattices serve many pixels and get more rays,
+  /// those of fine ones fewer, in proportion to their spacing. `marks`, when not empty, counts the records made at each
   /// pixel. New records' reaches are appended to `reaches`, when not null.
   void overture(const Eye& eye, int max_depth, IrradianceCache& cache, std::uint32_t& next_id,
                 std::vector<std::uint16_t>& marks, std::vector<RecordReach>* reaches);
@@ -73,7 +74,6 @@ class IrradianceBuilder {
   /// records and reaches.
   void update(IrradianceFile& file, const SceneChange& change, int max_depth, IrradianceCache& cache);
 
-  [[nodiscard]] const HemisphereGrid& grid() const { return grid_; }
   [[nodiscard]] const IrradianceFigures& figures() const { return figures_; }
 
  private:
@@ -84,12 +84,11 @@ class IrradianceBuilder {
   void fill(IrradianceRecord& record, const GatherPlace& place, RecordReach* reach, TileFigures& figures) const;
   /// Gathers again at `record`, whose place stays.
   void gather_again(IrradianceRecord& record, RecordReach& reach, TileFigures& figures) const;
-  void count_gathered(const TileFigures& tile);
+  void count_gathered(const IrradianceRecord& record, const TileFigures& tile);
 
   const Scene& scene_;
   const GatherRadiance& source_;
   JobSpec::IrradianceCache options_;
-  HemisphereGrid grid_;
   std::uint64_t seed_;
   IrradianceFigures figures_;
 };

@@ -8,9 +8,9 @@
 namespace pf {
 namespace {
 
-/// Rays of a hemisphere at an eye sample that no record reaches, as a part of a record's: the pixel's other
-/// samples share them.
-constexpr int kMissShare = 8;
+/// Rays of a hemisphere at an eye sample that no record reaches, as a part of a usual record's: half of the finest
+/// record's, since the pixel's other samples share them.
+constexpr int kMissShare = 16;
 constexpr int kLeastMissRays = 16;
 
 /// Names the random numbers of one eye path's gather rays. Records' streams lie below 2^32, those of updates

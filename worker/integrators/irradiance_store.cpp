@@ -17,7 +17,8 @@ constexpr std::uint64_t kMaxFileBytes = std::uint64_t{8} << 30;
 
 /// What decides a record's value besides the scene: how its rays are made and followed.
 std::uint64_t hash_of_options(const JobSpec& spec) {
-  std::string text = fmt::format("{} {}", static_cast<int>(spec.irradiance_cache.source), spec.integrator.max_depth);
+  std::string text = fmt::format("{} {} {}", static_cast<int>(spec.irradiance_cache.source), spec.irradiance_cache.rays,
+                                 spec.integrator.max_depth);
   if (spec.irradiance_cache.source == GatherSource::kPhotonMap) {
     const JobSpec::PhotonMap& map = spec.photon_map;
     text +=
@@ -52,17 +53,13 @@ IrradianceStore::IrradianceStore(const JobSpec& spec, const Camera& camera, std:
 
 Result<void> IrradianceStore::load(const JobSpec& spec) {
   content_.options = hash_of_options(spec);
-  content_.grid = HemisphereGrid::of_rays(spec.irradiance_cache.rays);
   std::error_code unknown;
   if (!std::filesystem::exists(file_, unknown)) return {};
   const auto bytes = read_file(file_, kMaxFileBytes);
   if (!bytes) return tl::unexpected(bytes.error());
   auto read = parse_irradiance_file(*bytes, file_.string());
   if (!read) return tl::unexpected(read.error());
-  if (read->options != content_.options || read->grid.rings != content_.grid.rings ||
-      read->grid.sectors != content_.grid.sectors) {
-    return {};
-  }
+  if (read->options != content_.options) return {};
   content_ = std::move(*read);
   change_ = change_between(content_.parts, parts_);
   return {};

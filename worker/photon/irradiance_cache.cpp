@@ -49,8 +49,7 @@ float IrradianceCache::weight(const IrradianceRecord& record, const Vec3f& posit
   if (!(estimated < error)) return 0.0f;
   // In front of the point the record may see what the point does not [Ward 1988, (5)].
   if (0.5f * dot(offset, normal + record.normal) < -kFrontTolerance * record.radius) return 0.0f;
-  constexpr float kLeastError = 1e-4f;  // at a record itself the weight would be infinite
-  return 1.0f / std::max(estimated, kLeastError) - 1.0f / error;
+  return 1.0f - estimated / error;
 }
 
 std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec3f& normal, float tightness) const {
@@ -60,7 +59,7 @@ std::optional<Rgb> IrradianceCache::interpolate(const Vec3f& position, const Vec
   for (Cell cell = root();;) {
     for (const std::uint32_t index : nodes_[cell.node].records) {
       const IrradianceRecord& record = records_[index];
-      const float w = weight(record, position, normal, error);
+      const float w = weight(record, position, normal, error) * static_cast<float>(record.rays);
       if (!(w > 0.0f)) continue;
       // [Ward and Heckbert 1992, (4)]
       const Rgb value = record.irradiance + change_along(record.rotation, cross(record.normal, normal)) +

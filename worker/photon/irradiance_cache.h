@@ -21,8 +21,11 @@ struct IrradianceRecord {
   RgbGradient rotation = kNoChange, translation = kNoChange;
   float radius = 0;  ///< R of [Ward 1988]: the value's error is about distance / R
   float least = 0,
-        most = 0;        ///< bounds of the radius, from the spacing in pixels where the record was made [m]
-  std::uint32_t id = 0;  ///< names the random numbers of its gather rays
+        most = 0;          ///< bounds of the radius, from the spacing in pixels where the record was made [m]
+  std::uint32_t id = 0;    ///< names the random numbers of its gather rays
+  std::uint32_t rays = 1;  ///< asked of its hemisphere (HemisphereGrid::of_rays)
+
+  [[nodiscard]] HemisphereGrid grid() const { return HemisphereGrid::of_rays(static_cast<int>(rays)); }
 };
 
 /// Sets irradiance, gradients and radius: the harmonic mean distance to what the gather rays met, or less
@@ -35,8 +38,10 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate);
 /// Ward, Rubinstein, Clear 1988, "A Ray Tracing Solution for Diffuse Interreflection": weights from the
 /// split-sphere model; Ward and Heckbert 1992, "Irradiance Gradients": extrapolation; Krivanek, Bouatouch,
 /// Pattanaik, Zara 2006, "Making Radiance and Irradiance Caching Practical": neighbour clamping. A record
-/// counts where its error estimate stays below `error` (a). Bias: the interpolated value differs by about
-/// that part; details smaller than the lower bound of the radii are lost.
+/// counts where its error estimate stays below `error` (a), with a weight that falls evenly to 0 there
+/// [Tabellion and Lamorlette 2004, "An Approximate Global Illumination System for Computer Generated Films", 4.2] and
+/// in proportion to its rays, as its noise asks: Ward's 1/estimate lets the nearest record's noise through. Bias: the
+/// interpolated value differs by about `error` times; details smaller than the lower bound of the radii are lost.
 class IrradianceCache {
  public:
   IrradianceCache(const Box3f& bounds, float error);
@@ -49,7 +54,7 @@ class IrradianceCache {
   /// records on every side.
   [[nodiscard]] std::optional<Rgb> interpolate(const Vec3f& position, const Vec3f& normal,
                                                float tightness = 1.0f) const;
-  /// Weight of one record [Ward 1988, (4), less 1/a, so that it fades out]: 0 where it does not count.
+  /// Weight of one record of one ray: 1 at the record itself, 0 where it does not count.
   [[nodiscard]] static float weight(const IrradianceRecord& record, const Vec3f& position, const Vec3f& normal,
                                     float error);
 

@@ -1,14 +1,13 @@
 // File of an irradiance cache, little-endian, no padding:
-//   8 bytes  "PFIRRC01"
-//   u64 options, u64 seed, u32 next_id, u32 rings, u32 sectors
+//   8 bytes  "PFIRRC02"
+//   u64 options, u64 seed, u32 next_id
 //   u32 count of views, u64 each
 //   u32 count of parts, each: u64 hash low, u64 hash high, u8 whether it has bounds (1) or not (0), with them
 //   6 floats,
 //       3 floats flux, 3 floats axis, float cosine
 //   u32 count of records, each: 3 floats position, 3 normal, 3 geometric normal, float extent, 3 irradiance,
-//   9 rotation,
-//       9 translation, float radius, float least, float most, u32 id, then u16 distance and u16 luminance of
-//       every cell
+//       9 rotation, 9 translation, float radius, float least, float most, u32 id, u32 rays, then u16 distance of every
+//       cell of its hemisphere and u16 luminance of every cell
 //   8 bytes  XXH3 of everything before
 
 #include "worker/photon/irradiance_file.h"
@@ -26,11 +25,11 @@ namespace pf {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
-constexpr std::string_view kMagic = "PFIRRC01";
-constexpr std::size_t kPartBytes = 16 + 1 + 7 * 4;  // without bounds
-constexpr std::size_t kRecordBytes = 34 * 4 + 4;
+constexpr std::string_view kMagic = "PFIRRC02";
+constexpr std::size_t kPartBytes = 16 + 1 + 7 * 4;    // without bounds
+constexpr std::size_t kRecordBytes = 34 * 4 + 2 * 4;  // without the reach
 /// More rays of one hemisphere than the job file allows.
-constexpr std::uint32_t kMaxEdge = 1u << 12;
+constexpr std::uint32_t kMaxRays = 1u << 20;
 
 class Writer {
  public:
@@ -62,9 +61,7 @@ class Reader {
   [[nodiscard]] T take() {
     static_assert(std::is_arithmetic_v<T>);
     T value{};
-    if (bytes_.size() - at_ < sizeof(T)) {
-      wrong("the file ends early", fmt::format("{} more bytes", sizeof(T)));
-    } else if (error_.empty()) {
+    if (holds(sizeof(T))) {
       std::memcpy(&value, bytes_.data() + at_, sizeof(T));
       at_ += sizeof(T);
     }
@@ -100,6 +97,11 @@ class Reader {
     if ((bytes_.size() - at_) / bytes_each >= value) return value;
     wrong(what, fmt::format("at most {}", (bytes_.size() - at_) / bytes_each));
     return 0;
+  }
+  /// Whether so many bytes are left.
+  [[nodiscard]] bool holds(std::size_t bytes) {
+    if (bytes_.size() - at_ < bytes) wrong("the file ends early", fmt::format("{} more bytes", bytes));
+    return good();
   }
   void wrong(std::string_view what, std::string_view expected) {
     if (error_.empty()) error_ = fmt::format("{}: byte {}: {}; expected {}", origin_, at_, what, expected);
@@ -142,7 +144,7 @@ ScenePart take_part(Reader& in) {
 void put_record(Writer& out, const IrradianceRecord& record, const RecordReach& reach) {
   out.put(record.position), out.put(record.normal), out.put(record.geometric_normal), out.put(record.extent);
   out.put(record.irradiance), out.put(record.rotation), out.put(record.translation);
-  out.put(record.radius), out.put(record.least), out.put(record.most), out.put(record.id);
+  out.put(record.radius), out.put(record.least), out.put(record.most), out.put(record.id), out.put(record.rays);
   for (const std::uint16_t distance : reach.distance) out.put(distance);
   for (const std::uint16_t luminance : reach.luminance) out.put(luminance);
 }
@@ -162,11 +164,17 @@ IrradianceRecord take_record(Reader& in, std::uint32_t next_id) {
   record.most = in.positive("bounds of a record's radius");
   record.id = in.take<std::uint32_t>();
   if (in.good() && record.id >= next_id) in.wrong("id of a record", fmt::format("less than {}", next_id));
+  record.rays = in.take<std::uint32_t>();
+  if (record.rays < 1 || record.rays > kMaxRays) {
+    in.wrong("rays of a record", fmt::format("1 to {}", kMaxRays));
+    record.rays = 1;
+  }
   return record;
 }
 
 RecordReach take_reach(Reader& in, std::uint32_t cells) {
   RecordReach reach;
+  if (!in.holds(std::size_t{4} * cells)) return reach;
   for (auto* values : {&reach.distance, &reach.luminance}) {
     values->reserve(cells);
     for (std::uint32_t i = 0; i < cells && in.good(); ++i) {
@@ -182,8 +190,7 @@ RecordReach take_reach(Reader& in, std::uint32_t cells) {
 std::string to_bytes(const IrradianceFile& file) {
   Writer out;
   out.raw(kMagic);
-  out.put(file.options), out.put(file.seed), out.put(file.next_id), out.put(file.grid.rings),
-      out.put(file.grid.sectors);
+  out.put(file.options), out.put(file.seed), out.put(file.next_id);
   out.put(static_cast<std::uint32_t>(file.views.size()));
   for (const std::uint64_t view : file.views) out.put(view);
   out.put(static_cast<std::uint32_t>(file.parts.size()));
@@ -216,23 +223,15 @@ Result<IrradianceFile> parse_irradiance_file(std::string_view bytes, std::string
   file.options = in.take<std::uint64_t>();
   file.seed = in.take<std::uint64_t>();
   file.next_id = in.take<std::uint32_t>();
-  file.grid.rings = in.take<std::uint32_t>();
-  file.grid.sectors = in.take<std::uint32_t>();
-  for (const std::uint32_t edge : {file.grid.rings, file.grid.sectors}) {
-    if (edge < 2 || edge > kMaxEdge || edge % 2 != 0)
-      in.wrong("grid of gather rays", fmt::format("an even number up to {}", kMaxEdge));
-  }
-  if (!in.good()) return fail(ErrorKind::kInvalidInput, in.error());
   for (std::uint32_t left = in.count("number of views", sizeof(std::uint64_t)); left > 0; --left) {
     file.views.push_back(in.take<std::uint64_t>());
   }
   for (std::uint32_t left = in.count("number of parts", kPartBytes); left > 0 && in.good(); --left) {
     file.parts.push_back(take_part(in));
   }
-  const std::size_t bytes_each = kRecordBytes + std::size_t{4} * file.grid.cells();
-  for (std::uint32_t left = in.count("number of records", bytes_each); left > 0 && in.good(); --left) {
+  for (std::uint32_t left = in.count("number of records", kRecordBytes); left > 0 && in.good(); --left) {
     file.records.push_back(take_record(in, file.next_id));
-    file.reaches.push_back(take_reach(in, file.grid.cells()));
+    file.reaches.push_back(take_reach(in, file.records.back().grid().cells()));
   }
   if (in.good() && !in.at_end()) in.wrong("more bytes than records", "the checksum");
   if (!in.good()) return fail(ErrorKind::kInvalidInput, in.error());

@@ -181,8 +181,9 @@ void ChangedLight::trace_gone(const ScenePart& lamp, std::uint64_t index, int ma
   });
 }
 
-float changed_part(const IrradianceRecord& record, const RecordReach& reach, const HemisphereGrid& grid,
-                   std::uint64_t seed, const SceneChange& change, const ChangedLight& light) {
+float changed_part(const IrradianceRecord& record, const RecordReach& reach, std::uint64_t seed,
+                   const SceneChange& change, const ChangedLight& light) {
+  const HemisphereGrid grid = record.grid();
   const Frame frame = Frame::from_normal(record.normal);
   double all = 0.0, altered = 0.0;
   std::uint32_t crossing = 0;

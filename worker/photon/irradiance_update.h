@@ -53,7 +53,7 @@ inline constexpr float kTouchedPart = 0.02f;
 /// they may bring now; the others with the changed light where they ended.
 ///
 /// Bounds are estimates where light bounces: by photons, as dense as a fixed number of them lies.
-[[nodiscard]] float changed_part(const IrradianceRecord& record, const RecordReach& reach, const HemisphereGrid& grid,
-                                 std::uint64_t seed, const SceneChange& change, const ChangedLight& light);
+[[nodiscard]] float changed_part(const IrradianceRecord& record, const RecordReach& reach, std::uint64_t seed,
+                                 const SceneChange& change, const ChangedLight& light);
 
 }  // namespace pf

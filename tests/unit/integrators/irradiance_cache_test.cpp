@@ -1,6 +1,7 @@
 // What the image of irradiance caching depends on, and what its records cost.
 
 #include <gtest/gtest.h>
+
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
@@ -8,6 +9,7 @@
 #include <array>
 #include <cstring>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "tests/support/render.h"
@@ -68,7 +70,21 @@ TEST(IrradianceCaching, MarksEveryRecordItMadeOnce) {
   for (const ExtraSums& extra : film.sums().extras) marks += extra.marks;
   EXPECT_EQ(static_cast<std::uint64_t>(marks), integrator->figures().records);
   EXPECT_EQ(integrator->figures().gathered, integrator->figures().records);
-  EXPECT_EQ(integrator->figures().gather_rays, integrator->figures().records * HemisphereGrid::of_rays(64).cells());
+  std::uint64_t rays = 0;
+  for (const IrradianceRecord& record : integrator->cache().records()) rays += record.grid().cells();
+  EXPECT_EQ(integrator->figures().gather_rays, rays);
+}
+
+TEST(IrradianceCaching, GivesRecordsRaysByThePixelsThatTheyServe) {
+  const auto scene = diffuse_box().build();
+  JobSpec spec = small_cache(64, 64);
+  spec.irradiance_cache.rays = 256;
+  spec.irradiance_cache.max_spacing = 32.0;
+  const auto integrator = look(*scene, spec);
+  std::set<std::uint32_t> rays;
+  for (const IrradianceRecord& record : integrator->cache().records()) rays.insert(record.rays);
+  // Lattices of 32, 16, 8, 4 and 2 pixels.
+  EXPECT_EQ(rays, (std::set<std::uint32_t>{512, 256, 128, 64, 32}));
 }
 
 TEST(IrradianceCaching, LeavesFewSamplesWithoutARecord) {

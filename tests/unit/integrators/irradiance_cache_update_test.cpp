@@ -57,7 +57,9 @@ JobSpec spec_of(const TempFolder& folder, std::uint64_t seed) {
   spec.folder = folder.path();
   spec.integrator.seed = seed;
   spec.irradiance_cache.source = GatherSource::kPath;
-  spec.irradiance_cache.rays = 128;
+  spec.irradiance_cache.rays = 1024;
+  spec.irradiance_cache.error = 0.2;
+  spec.irradiance_cache.min_spacing = 1.5;
   spec.photon_map.caustic_photons = 1000;  // nothing here is specular
   spec.cache.file = "records.cache";
   return spec;

@@ -27,6 +27,7 @@ IrradianceRecord some_record(PathRng& rng, int i) {
   record.least = 1e-3f;
   record.most = 10.0f;
   record.irradiance = {rng.next1(), rng.next1(), rng.next1()};
+  record.rays = 16u << (i % 4);
   for (RgbGradient* gradient : {&record.rotation, &record.translation}) {
     for (Vec3f& g : *gradient) g = sample_sphere(rng.next2()) * 0.2f;
   }
@@ -51,7 +52,8 @@ TEST(IrradianceCache, ReadsExactlyTheRecordsThatBruteForceReads) {
     double weights = 0.0;
     Imath::V3d sum(0.0);
     for (const IrradianceRecord& record : cache.records()) {
-      const double w = double{IrradianceCache::weight(record, where.position, where.normal, kError * tightness)};
+      const double w =
+          double{IrradianceCache::weight(record, where.position, where.normal, kError * tightness)} * record.rays;
       const Rgb value = record.irradiance + change_along(record.rotation, cross(record.normal, where.normal)) +
                         change_along(record.translation, where.position - record.position);
       sum += Imath::V3d(std::max(value.x, 0.0f), std::max(value.y, 0.0f), std::max(value.z, 0.0f)) * w;

@@ -15,7 +15,6 @@ IrradianceFile some_file(std::uint32_t records) {
   file.options = 0x123456789ABCDEF0u;
   file.seed = 77;
   file.next_id = records + 5;
-  file.grid = HemisphereGrid::of_rays(16);
   file.views = {3, 0xFFFFFFFFFFFFFFFFu};
   ScenePart part;
   part.hash = {1, 2};
@@ -34,9 +33,11 @@ IrradianceFile some_file(std::uint32_t records) {
     record.least = 0.1f;
     record.most = 2.0f;
     record.id = i;
+    record.rays = 16 + 8 * (i % 3);
     file.records.push_back(record);
-    HemisphereSamples samples{file.grid, std::vector<Rgb>(file.grid.cells(), Rgb{1, 2, 3}),
-                              std::vector<float>(file.grid.cells(), 0.25f)};
+    const HemisphereGrid grid = record.grid();
+    HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 2, 3}),
+                              std::vector<float>(grid.cells(), 0.25f)};
     samples.distance[1] = kInfinity;
     file.reaches.emplace_back(samples);
   }
@@ -55,7 +56,8 @@ TEST(IrradianceFile, GivesBackWhatWasWritten) {
     EXPECT_TRUE(read->parts[1].everywhere());
     if (records > 0) {
       EXPECT_EQ(read->records[0].position, file.records[0].position);
-      EXPECT_EQ(read->reaches[0].distance, file.reaches[0].distance);
+      EXPECT_EQ(read->reaches.back().distance, file.reaches.back().distance);
+      EXPECT_EQ(read->records.back().rays, file.records.back().rays);
     }
   }
 }
@@ -95,12 +97,12 @@ TEST(IrradianceFile, SaysWhatIsWrongBelowARightChecksum) {
   file.records[0].id = file.next_id;
   EXPECT_NE(message_of(file).find("id of a record; expected less than 7"), std::string::npos);
   file = some_file(2);
-  file.grid.rings = 3;
-  EXPECT_NE(message_of(file).find("grid of gather rays; expected an even number"), std::string::npos);
-  file = some_file(1);
-  file.grid.rings = 4000;  // promises more cells than there are bytes
-  file.grid.sectors = 4000;
-  EXPECT_NE(message_of(file).find("number of records; expected at most 0"), std::string::npos) << message_of(file);
+  for (const std::uint32_t rays : {0u, ~0u}) {
+    file.records[1].rays = rays;
+    EXPECT_NE(message_of(file).find("rays of a record; expected 1 to"), std::string::npos) << message_of(file);
+  }
+  file.records[1].rays = 100000;  // promises more cells than there are bytes
+  EXPECT_NE(message_of(file).find("the file ends early; expected"), std::string::npos) << message_of(file);
 }
 
 TEST(IrradianceFile, RoundsReachesUpByLessThanAHundredth) {

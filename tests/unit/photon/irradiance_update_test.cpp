@@ -138,11 +138,12 @@ TEST(ChangedPart, CountsRaysThatCrossAndWhatOthersSee) {
   const auto scene = after.build();
   const SceneChange change = change_between(parts_of(before), parts_of(after));
   const ChangedLight light(*scene, change, 0, 1);
-  const HemisphereGrid grid = HemisphereGrid::of_rays(64);
   const auto part_at = [&](const Vec3f& position) {
     IrradianceRecord record;
     record.position = position;
     record.normal = {0, 1, 0};
+    record.rays = 64;
+    const HemisphereGrid grid = record.grid();
     HemisphereSamples samples{grid, std::vector<Rgb>(grid.cells(), Rgb{1, 1, 1}), std::vector<float>(grid.cells())};
     for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
       PathRng rng(9, Stream::kIrradiance, 0, cell);
@@ -150,7 +151,7 @@ TEST(ChangedPart, CountsRaysThatCrossAndWhatOthersSee) {
       const auto hit = scene->intersect({position + Vec3f{0, 1e-4f, 0}, direction});
       samples.distance[cell] = hit ? hit->t : kInfinity;
     }
-    return changed_part(record, RecordReach(samples), grid, 9, change, light);
+    return changed_part(record, RecordReach(samples), 9, change, light);
   };
   EXPECT_GT(part_at({1, 0, 0.3f}), kTouchedPart);
   EXPECT_EQ(part_at({-1, 0, 0.3f}), 0.0f);

@@ -157,7 +157,7 @@ TEST(Plan, CachesIrradianceOnlyOnDiffuseSmoothAndLargeSurfaces) {
   pilot.diffuse = 0.89;
   EXPECT_FALSE(weighs(planned(pilot, spec), IntegratorType::kIrradianceCache));
   pilot.diffuse = 1;
-  spec.irradiance_cache.rays = 4096;  // not worth its records here
+  spec.irradiance_cache.rays = 65536;  // not worth its records here
   EXPECT_TRUE(weighs(planned(pilot, spec), IntegratorType::kIrradianceCache));
   EXPECT_EQ(planned(pilot, spec).algorithm, IntegratorType::kSppm);
 }

@@ -271,7 +271,7 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 }
 
 TEST(SpecHash, IsStable) {
-  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)), "296feb738bd3e45c0041ab707dd54ddd89b1d261b40f598e6f80226f30cdbc69");
+  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)), "7bfca4e4d30b701a08a9e26d764bc6c90a42c7d9ea2a2294a7900bc34f75c28c");
   EXPECT_EQ(image_hash_of_spec(parsed(kFull)), "bd0ba4bf50b8fae2197397df850de2df6e8501320a974243fd4bc5fe87ac8a31");
 }
 
