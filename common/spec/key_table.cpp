@@ -158,8 +158,7 @@ constexpr std::array kKeys = {
         integer<kIntegrator, &S::Integrator::photons>(0, kMax32)},
     Key{"integrator", "round_growth", kOptional, kDecides, "",
         "After n sub-passes the next round holds 1 + floor(round_growth n), at least 2, less what is over a multiple "
-        "of "
-        "2 (of 4 from 8 on, of 8 from 16 on, and so on). 0: rounds of one sub-pass.",
+        "of 2 (of 4 from 8 on, of 8 from 16 on, and so on). 0: rounds of one sub-pass.",
         real<kIntegrator, &S::Integrator::round_growth>(0, 1000)},
     Key{"integrator", "alpha", kOptional, kDecides, "",
         "Fraction of new photons that ppm and sppm keep; smaller shrinks the radius faster.",

@@ -110,21 +110,6 @@ TEST(Schedules, WorkersMayJoinAndLeaveInTheMiddleOfARound) {
   EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(shared_job()));
 }
 
-TEST(Schedules, WorkersThatNeverLiveLongAreOfUse) {
-  // No barrier: nothing but its age has a worker hand in before it has held its sums for four seconds.
-  const JobSpec spec = job_of("long", IntegratorType::kSppm, ProgressiveMode::kIndependent, 200);
-  constexpr double kLife = 3.0;
-  World world(7, {});
-  for (const char* name : {"a", "b"}) world.add_worker(name);
-  const std::string id = world.submit(spec);
-  for (int kills = 0; kills < 1000 && world.farm().show(id)->state != JobState::kDone; ++kills) {
-    world.run_for(kLife / 2);
-    world.kill_worker(kills % 2 == 0 ? "a" : "b");
-  }
-  ASSERT_EQ(world.farm().show(id)->state, JobState::kDone) << world.describe();
-  EXPECT_EQ(world.farm().show(id)->image_hash, hash_of_single_node(spec));
-}
-
 TEST(Schedules, AWorkerThatIsGoneForGoodWithAnEngineThatForgotHoldsUpNothing) {
   World world(9, {});
   for (const char* name : {"a", "b"}) world.add_worker(name);

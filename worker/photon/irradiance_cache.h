@@ -39,7 +39,7 @@ void set_estimate(IrradianceRecord& record, const IrradianceEstimate& estimate);
 /// split-sphere model; Ward and Heckbert 1992, "Irradiance Gradients": extrapolation; Krivanek, Bouatouch,
 /// Pattanaik, Zara 2006, "Making Radiance and Irradiance Caching Practical": neighbour clamping. A record
 /// counts where its error estimate stays below `error` (a), with a weight that falls evenly to 0 there
-/// [Tabellion and Lamorlette 2004, "An Approximate Global Illumination System for Computer Generated Films", 4.2] and
+/// [Tabellion and Lamorlette 2004, "An Approximate Global Illumination System for Computer Generated Films"] and
 /// in proportion to its rays, as its noise asks: Ward's 1/estimate lets the nearest record's noise through. Bias: the
 /// interpolated value differs by about `error` times; details smaller than the lower bound of the radii are lost.
 class IrradianceCache {
