@@ -199,13 +199,15 @@ Result<SceneDescription> load_scene_of_job(const JobSpec& spec) {
   auto description = load_gltf(request);
   if (!description) return description;
   Environment& environment = description->environment;
+  const double scale = spec.scene.environment_scale;
   if (!spec.scene.environment.empty()) {
     environment.file = (spec.folder / spec.scene.environment).string();
-    const auto scale = static_cast<float>(spec.scene.environment_scale);
-    environment.radiance = {scale, scale, scale};
+    const auto factor = static_cast<float>(scale);
+    environment.radiance = {factor, factor, factor};
   } else if (spec.scene.environment_radiance.size() == 3) {
     for (int c = 0; c < 3; ++c) {
-      environment.radiance[c] = static_cast<float>(spec.scene.environment_radiance[static_cast<std::size_t>(c)]);
+      const double radiance = spec.scene.environment_radiance[static_cast<std::size_t>(c)];
+      environment.radiance[c] = static_cast<float>(scale * radiance);
     }
   }
   for (Camera& camera : description->cameras) {

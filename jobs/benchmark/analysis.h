@@ -10,6 +10,7 @@
 
 #include "common/base/result.h"
 #include "common/film/figures.h"
+#include "jobs/benchmark/ablation.h"
 #include "jobs/benchmark/reference.h"
 #include "jobs/benchmark/schedule.h"
 #include "jobs/benchmark/statistics.h"
@@ -60,6 +61,7 @@ struct SceneResult {
   std::vector<MethodResult> methods;  ///< as in the suite
   /// Methods and budgets that no other one beats in time and error: (method, group).
   std::vector<std::pair<std::size_t, std::size_t>> front;
+  std::vector<Ablation> ablations;
 };
 
 struct BenchResult {

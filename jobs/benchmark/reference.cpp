@@ -22,7 +22,7 @@ using nlohmann::json;
 
 /// Seeds of the halves, far from those of runs.
 constexpr std::array<std::uint64_t, 2> kSeeds = {4000000001, 4000000002};
-constexpr std::uint64_t kMaxText = std::uint64_t{1} << 24;
+constexpr std::uint64_t kMaxReferenceText = std::uint64_t{1} << 24;
 
 class Maker {
  public:
@@ -58,7 +58,7 @@ class Maker {
 
   /// Reads what an earlier bench left.
   void read() {
-    const auto text = read_file(folder_ / "reference.json", kMaxText);
+    const auto text = read_file(folder_ / "reference.json", kMaxReferenceText);
     const json stored = text ? json::parse(*text, nullptr, false) : json();
     if (stored.is_object()) {
       reference_.seconds = stored.value("seconds", 0.0);
@@ -66,7 +66,7 @@ class Maker {
       reference_.passes = stored.value("passes", std::uint64_t{0});
     }
     for (std::size_t half = 0; half < 2; ++half) {
-      const auto figures = read_file(half_folder(half) / fmt::format("{}.json", kImageName), kMaxText);
+      const auto figures = read_file(half_folder(half) / fmt::format("{}.json", kImageName), kMaxReferenceText);
       const json document = figures ? json::parse(*figures, nullptr, false) : json();
       half_passes_[half] = document.is_object() ? document.value("passes", std::int64_t{0}) : 0;
     }

@@ -7,8 +7,9 @@
 #include <fmt/ranges.h>
 
 #include "jobs/benchmark/charts.h"
+#include "jobs/benchmark/html.h"
 #include "jobs/benchmark/pictures.h"
-#include "jobs/benchmark/planner_judgement.h"
+#include "jobs/benchmark/planner_report.h"
 
 namespace pf::bench {
 namespace {
@@ -32,41 +33,10 @@ figure{margin:0;width:260px}figcaption{font-size:13px;margin-top:3px}.cmp{positi
 nav a{margin-right:12px}
 )css";
 
-std::string escaped(std::string_view text) {
-  std::string result;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      default:
-        result += c;
-    }
-  }
-  return result;
-}
-
-std::string error_text(double error) { return !std::isfinite(error) ? "–" : fmt::format("{:.2e}", error); }
-
 std::string time_text(const TimeToError& time) {
   using Kind = TimeToError::Kind;
   const char* sign = time.kind == Kind::kReached ? "" : time.kind == Kind::kBeforeFirst ? "≤ " : "> ";
   return fmt::format("{}{:.3g} s", sign, time.seconds);
-}
-
-std::string ratio_text(const TimeRatio& ratio) {
-  using Kind = TimeRatio::Kind;
-  const char* sign = ratio.kind == Kind::kExact ? "" : ratio.kind == Kind::kAtMost ? "≤ " : "≥ ";
-  return fmt::format("{}{:.2f}", sign, ratio.ratio);
 }
 
 std::string image(const fs::path& file, std::string_view type, std::string_view text, std::string_view css_class = "") {
@@ -88,8 +58,9 @@ class Page {
     add(fmt::format("<h1>Speed against accuracy: {}</h1>\n", escaped(bench_.suite.name)));
     summary();
     for (std::size_t m = 0; m < bench_.suite.methods.size(); ++m) {
-      if (bench_.suite.methods[m].type == "auto") planner(m);
+      if (bench_.suite.methods[m].type == "auto") add(planner_html(bench_, m));
     }
+    add(ablations_html(bench_));
     for (const SceneResult& scene : bench_.scenes) add_scene(scene);
     failures();
     machine();
@@ -138,38 +109,6 @@ class Page {
     }
     add("</table></div><p class=\"dim\">* no further from the reference than the reference's own noise allows to "
         "tell.</p>\n");
-  }
-
-  /// What a method of type "auto" costs against the best of the others.
-  void planner(std::size_t judged) {
-    add(
-        fmt::format("<h3>The planner ({}): its time to an error over that of the soonest other method</h3><div "
-                    "class=\"wide\"><table><tr><th>scene</th>",
-                    escaped(name_of(judged))));
-    for (const double target : bench_.suite.targets) add(fmt::format("<th>relMSE {:g}</th>", target));
-    add("<th>the least that another reached</th></tr>\n");
-    std::vector<std::vector<std::optional<TimeRatio>>> columns(bench_.suite.targets.size() + 1);
-    const auto cell = [&](std::size_t column, const std::optional<TimeRatio>& ratio, const std::string& more) {
-      columns[column].push_back(ratio);
-      add(ratio ? fmt::format("<td>{}<br><span class=\"dim\">{}{}</span></td>", ratio_text(*ratio),
-                              escaped(name_of(ratio->soonest)), more)
-                : "<td>–</td>");
-    };
-    for (const SceneResult& scene : bench_.scenes) {
-      const PlannerOfScene found = judge_planner(bench_, scene, judged);
-      add(fmt::format("<tr><td>{}</td>", escaped(scene.scene.name)));
-      for (std::size_t t = 0; t < found.targets.size(); ++t) cell(t, found.targets[t], "");
-      cell(found.targets.size(), found.least, ", " + error_text(found.least_error));
-      add("</tr>\n");
-    }
-    add("<tr><td>median, worst</td>");
-    for (const auto& column : columns) {
-      const RatioSummary all = summary_of(column);
-      add(all.scenes == 0 ? "<td>–</td>" : fmt::format("<td>{:.2f}, {:.2f}</td>", all.median, all.worst));
-    }
-    add("</tr></table></div><p class=\"dim\">Below each ratio the soonest other method. ≤: there with the first image; "
-        "≥: not there at the end of the last budget, counted as if it had been then; –: no other method gets "
-        "there.</p>\n");
   }
 
   [[nodiscard]] static std::size_t best_method(const SceneResult& scene) {

@@ -142,9 +142,28 @@ ordered_json planner_json(const BenchResult& bench, const SceneResult& scene) {
   return all;
 }
 
+ordered_json ablation_json(const BenchResult& bench, const Ablation& a) {
+  const bool known = a.seeds > 0;
+  const auto figure = [&](double value) { return known ? number(value) : ordered_json(); };
+  return {{"method", bench.suite.methods[a.method].name},
+          {"algorithm", a.algorithm},
+          {"term", a.term},
+          {"planned", a.planned},
+          {"instead", a.instead},
+          {"seeds", a.seeds},
+          {"rel_mse_trimmed", figure(a.error)},
+          {"error_ratio", figure(a.error_ratio)},
+          {"lowest_ratio", figure(a.lowest_ratio)},
+          {"highest_ratio", figure(a.highest_ratio)},
+          {"cpu_seconds", figure(a.seconds)},
+          {"seconds_ratio", figure(a.seconds_ratio)},
+          {"failure", a.failure}};
+}
+
 ordered_json scene_json(const BenchResult& bench, const SceneResult& scene) {
   const Reference& r = scene.reference;
-  ordered_json methods = ordered_json::array(), front = ordered_json::array();
+  ordered_json methods = ordered_json::array(), front = ordered_json::array(), ablations = ordered_json::array();
+  for (const Ablation& a : scene.ablations) ablations.push_back(ablation_json(bench, a));
   for (std::size_t m = 0; m < scene.methods.size(); ++m) methods.push_back(method_json(bench, m, scene.methods[m]));
   for (const auto& [m, g] : scene.front) {
     front.push_back({{"method", bench.suite.methods[m].name}, {"budget", scene.methods[m].groups[g].budget}});
@@ -164,6 +183,7 @@ ordered_json scene_json(const BenchResult& bench, const SceneResult& scene) {
             {"flip_between_halves", number(r.flip_between_halves)}}},
           {"front", std::move(front)},
           {"planner", planner_json(bench, scene)},
+          {"ablations", std::move(ablations)},
           {"methods", std::move(methods)}};
 }
 

@@ -40,6 +40,9 @@ class Runner {
   /// kInterrupted and kUnavailable (there is no renderer).
   [[nodiscard]] virtual Result<RenderOutcome> render(const RenderOrder& order,
                                                      const std::function<void(double)>& tick) = 0;
+  /// The document of `photonfarm plan --json` for a job. Errors: kInvalidInput (the scene), kUnavailable, kTimeout.
+  [[nodiscard]] virtual Result<nlohmann::json> plan(const std::filesystem::path& job,
+                                                    const std::vector<std::string>& set) = 0;
 };
 
 /// The name of every job that a bench renders, and so of its files.

@@ -22,36 +22,18 @@ tl::unexpected<Error> cannot_copy(const fs::path& file, const std::error_code& c
   return fail(ErrorKind::kInternal, fmt::format("{}: cannot be written: {}", file.string(), code.message()));
 }
 
-/// Lays out a glTF file with all it names, and a job for it, in a folder of its own. Returns the job file.
-Result<fs::path> lay_out(JobSpec spec, const fs::path& gltf, const fs::path& folder,
-                         std::vector<SubmittedFile>& files) {
-  spec.folder = gltf.parent_path();
-  spec.scene.file = gltf.filename().string();
-  auto hashed = hash_files(spec);
-  if (!hashed) return tl::unexpected(hashed.error());
-  files = std::move(*hashed);
-  for (const SubmittedFile& file : files) {
-    const fs::path to = folder / file.path;
-    std::error_code code;
-    fs::create_directories(to.parent_path(), code);
-    if (!code) fs::copy_file(file.source, to, fs::copy_options::overwrite_existing, code);
-    if (code) return cannot_copy(to, code);
-  }
-  const fs::path job = folder / "job.json";
-  if (auto written = write_file_atomically(job, canonical_json(spec)); !written) return tl::unexpected(written.error());
-  return job;
-}
-
 Result<Scene> prepare_scene(const SceneEntry& entry, const fs::path& out) {
   Scene scene{entry.name, entry.job, entry.set, {}, {}, entry.reference, 0};
   if (entry.width > 0) scene.set.push_back(fmt::format("image.width={}", entry.width));
   if (entry.height > 0) scene.set.push_back(fmt::format("image.height={}", entry.height));
-  const auto spec = load_job(scene.job, scene.set);
+  auto spec = load_job(scene.job, scene.set);
   if (!spec) return tl::unexpected(spec.error());
   scene.exposure = spec->image.exposure;
   std::vector<SubmittedFile> files;
   if (!entry.gltf.empty()) {
-    auto job = lay_out(*spec, entry.gltf, out / "scenes" / entry.name, files);
+    spec->folder = entry.gltf.parent_path();
+    spec->scene.file = entry.gltf.filename().string();
+    auto job = lay_out(*spec, out / "scenes" / entry.name, files);
     if (job) {
       scene.job = *job;
     } else {
@@ -77,8 +59,26 @@ void shuffle(std::vector<Run>& runs, std::size_t first, std::mt19937_64& random)
   }
 }
 
+}  // namespace
+
+Result<fs::path> lay_out(const JobSpec& spec, const fs::path& folder, std::vector<SubmittedFile>& files) {
+  auto hashed = hash_files(spec);
+  if (!hashed) return tl::unexpected(hashed.error());
+  files = std::move(*hashed);
+  for (const SubmittedFile& file : files) {
+    const fs::path to = folder / file.path;
+    std::error_code code;
+    fs::create_directories(to.parent_path(), code);
+    if (!code) fs::copy_file(file.source, to, fs::copy_options::overwrite_existing, code);
+    if (code) return cannot_copy(to, code);
+  }
+  fs::path job = folder / "job.json";
+  if (auto written = write_file_atomically(job, canonical_json(spec)); !written) return tl::unexpected(written.error());
+  return job;
+}
+
 Result<Run> make_run(const Suite& suite, const Scene& scene, const MethodEntry& method, std::uint64_t seed,
-                     const std::string& build) {
+                     const std::string& build, const fs::path& out) {
   Run run;
   run.seed = seed;
   RenderOrder& order = run.order;
@@ -106,10 +106,9 @@ Result<Run> make_run(const Suite& suite, const Scene& scene, const MethodEntry& 
       {"seconds", suite.seconds}, {"passes", suite.passes},     {"threads", suite.threads},
       {"build", build},           {"scene_error", scene.error}, {"processor_time", order.processor_time}};
   run.id = sha256_hex(key.dump()).substr(0, 20);
+  run.order.out = out / "runs" / run.id;
   return run;
 }
-
-}  // namespace
 
 Result<std::string> identity_of_job(const fs::path& job, const std::vector<std::string>& set) {
   const auto spec = load_job(job, set);
@@ -138,7 +137,7 @@ Result<std::vector<Run>> make_schedule(const Suite& suite, const std::vector<Sce
     for (std::size_t s = 0; s < scenes.size(); ++s) {
       for (std::size_t m = 0; m < suite.methods.size(); ++m) {
         const std::uint64_t seed = suite.first_seed + static_cast<std::uint64_t>(repetition);
-        auto run = make_run(suite, scenes[s], suite.methods[m], seed, build);
+        auto run = make_run(suite, scenes[s], suite.methods[m], seed, build, out);
         if (!run) {
           return fail(run.error().kind, fmt::format("method '{}' on scene '{}': {}", suite.methods[m].name,
                                                     scenes[s].name, run.error().message));
@@ -146,7 +145,6 @@ Result<std::vector<Run>> make_schedule(const Suite& suite, const std::vector<Sce
         run->scene = s;
         run->method = m;
         run->repetition = repetition;
-        run->order.out = out / "runs" / run->id;
         runs.push_back(std::move(*run));
       }
     }

@@ -9,6 +9,7 @@
 #include "common/spec/job_spec.h"
 #include "jobs/benchmark/runner.h"
 #include "jobs/benchmark/suite.h"
+#include "jobs/submission.h"
 
 namespace pf::bench {
 
@@ -36,6 +37,16 @@ struct Run {
   std::uint64_t seed = 0;
   RenderOrder order;
 };
+
+/// Copies all files that a job opens into a folder, with the job beside them. Returns that job file, and in `files`
+/// what was copied. Errors: kInvalidInput, kInternal.
+[[nodiscard]] Result<std::filesystem::path> lay_out(const JobSpec& spec, const std::filesystem::path& folder,
+                                                    std::vector<SubmittedFile>& files);
+
+/// The run of a method on a scene with a seed over the suite's budgets; its folder lies below `out`/runs. `build` names
+/// the renderer. Errors: kInvalidSpec.
+[[nodiscard]] Result<Run> make_run(const Suite& suite, const Scene& scene, const MethodEntry& method,
+                                   std::uint64_t seed, const std::string& build, const std::filesystem::path& out);
 
 /// Every run of a suite, in the order in which they are made: all of the first repetition, shuffled, then all of the
 /// second, shuffled anew, so that a drift of the machine hits all methods alike. `build`: names the renderer. Errors:

@@ -61,11 +61,8 @@ Fields scene_fields(const SuiteReader& r, SceneTable& to) {
 }
 
 Fields method_fields(const SuiteReader& r, MethodTable& to) {
-  return {{"name", r.text(to.entry.name)},
-          {"type", r.text(to.entry.type)},
-          {"set", r.texts(to.entry.set)},
-          {"vary", r.text(to.vary)},
-          {"values", r.texts(to.values)}};
+  return {{"name", r.text(to.entry.name)},        {"type", r.text(to.entry.type)}, {"set", r.texts(to.entry.set)},
+          {"ablate", r.boolean(to.entry.ablate)}, {"vary", r.text(to.vary)},       {"values", r.texts(to.values)}};
 }
 
 Fields run_fields(const SuiteReader& r, Suite& to, std::string& time, int& width, int& height) {

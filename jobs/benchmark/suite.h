@@ -37,6 +37,7 @@ struct MethodEntry {
   std::string name;
   std::string type;  ///< integrator.type
   std::vector<std::string> set;
+  bool ablate = false;  ///< each term of its plan the other way round, too
 };
 
 enum class TimeAxis { kWall, kCpu };

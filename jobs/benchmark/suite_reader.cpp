@@ -95,6 +95,15 @@ Result<std::int64_t> SuiteReader::whole(const Value& value, std::int64_t min, st
   return *integer;
 }
 
+std::function<Result<void>(const Value&)> SuiteReader::boolean(bool& to) const {
+  return [this, &to](const Value& value) -> Result<void> {
+    const auto* read = std::get_if<bool>(&value.data);
+    if (read == nullptr) return refuse(value.place, spec::describe(value), "true or false");
+    to = *read;
+    return {};
+  };
+}
+
 std::function<Result<void>(const Value&)> SuiteReader::real(double& to, double min, double max) const {
   return [this, &to, min, max](const Value& value) -> Result<void> {
     const auto read = number(value, min, max);

@@ -31,6 +31,7 @@ class SuiteReader {
   // Readers of single values into a field.
   [[nodiscard]] std::function<Result<void>(const spec::Value&)> text(std::string& to) const;
   [[nodiscard]] std::function<Result<void>(const spec::Value&)> texts(std::vector<std::string>& to) const;
+  [[nodiscard]] std::function<Result<void>(const spec::Value&)> boolean(bool& to) const;
   [[nodiscard]] std::function<Result<void>(const spec::Value&)> real(double& to, double min, double max) const;
   /// Ascending, above zero, at least one.
   [[nodiscard]] std::function<Result<void>(const spec::Value&)> ascending(std::vector<double>& to) const;

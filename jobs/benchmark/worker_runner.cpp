@@ -12,6 +12,7 @@
 
 #include "common/base/atomic_file.h"
 #include "jobs/child.h"
+#include "jobs/process.h"
 
 namespace pf::bench {
 namespace {
@@ -20,6 +21,7 @@ namespace fs = std::filesystem;
 using std::chrono::steady_clock;
 
 constexpr std::uint64_t kMaxTextBytes = std::uint64_t{1} << 24;  // of logs and figures
+constexpr double kPlanSeconds = 600;
 constexpr auto kTick = std::chrono::milliseconds(100);
 
 /// The last line of a log that says something.
@@ -101,6 +103,19 @@ Result<RenderOutcome> WorkerRunner::render(const RenderOrder& order, const std::
   outcome.figures = text ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
   if (!outcome.figures.is_object()) outcome.error = "left no figures";
   return outcome;
+}
+
+Result<nlohmann::json> WorkerRunner::plan(const fs::path& job, const std::vector<std::string>& set) {
+  std::vector<std::string> arguments = {"plan", job.string(), "--json"};
+  for (const std::string& s : set) arguments.insert(arguments.end(), {"--set", s});
+  const auto planned = run_and_capture(worker_, arguments, kPlanSeconds);
+  if (!planned) return tl::unexpected(planned.error());
+  nlohmann::json document = nlohmann::json::parse(planned->output, nullptr, false);
+  if (planned->end.exit_code != 0 || planned->end.signal != 0 || !document.is_object()) {
+    return fail(ErrorKind::kInvalidInput,
+                fmt::format("{}: cannot be planned: {}", job.string(), to_string(planned->end)));
+  }
+  return document;
 }
 
 }  // namespace pf::bench

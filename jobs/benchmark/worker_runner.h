@@ -15,6 +15,8 @@ class WorkerRunner final : public Runner {
       : worker_(std::move(worker)), interrupted_(interrupted) {}
   [[nodiscard]] Result<RenderOutcome> render(const RenderOrder& order,
                                              const std::function<void(double)>& tick) override;
+  [[nodiscard]] Result<nlohmann::json> plan(const std::filesystem::path& job,
+                                            const std::vector<std::string>& set) override;
 
  private:
   std::filesystem::path worker_;

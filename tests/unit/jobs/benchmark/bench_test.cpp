@@ -199,6 +199,9 @@ TEST_F(Bench, AFolderInUseIsRefused) {
   struct Nested final : Runner {
     BenchRequest request;
     Result<BenchResult> inner = fail(ErrorKind::kInternal, "not run");
+    Result<nlohmann::json> plan(const fs::path&, const std::vector<std::string>&) override {
+      return fail(ErrorKind::kInternal, "no plan is asked for");
+    }
     Result<RenderOutcome> render(const RenderOrder&, const std::function<void(double)>&) override {
       FakeRunner fake;
       std::vector<std::string> notes;

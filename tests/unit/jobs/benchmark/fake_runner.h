@@ -25,6 +25,9 @@ class FakeRunner final : public Runner {
   int interrupt_after = -1;           ///< calls; below zero: never
   std::string fails;                  ///< integrator.type whose renders fail
   std::string broken;                 ///< integrator.type whose images hold a NaN and a negative pixel
+  std::string worse;                  ///< a setting with which images have twice the noise, "table.key=value"
+  nlohmann::json plan_document;       ///< what every job's plan is; null: it cannot be made
+  std::vector<RenderOrder> orders;    ///< of every call that came to an end
 
   Result<RenderOutcome> render(const RenderOrder& order, const std::function<void(double)>& tick) override {
     if (interrupt_after == 0) {
@@ -36,6 +39,7 @@ class FakeRunner final : public Runner {
     const std::string type = value(order, "integrator.type");
     const std::string seed = value(order, "integrator.seed");
     rendered.push_back(type + " " + seed);
+    orders.push_back(order);
     if (type == fails) return RenderOutcome{{}, "exited with code 5: it broke", 0.1};
     RenderOutcome outcome;
     outcome.wall_seconds = 1;
@@ -60,6 +64,11 @@ class FakeRunner final : public Runner {
     return outcome;
   }
 
+  Result<nlohmann::json> plan(const std::filesystem::path& job, const std::vector<std::string>&) override {
+    if (plan_document.is_null()) return fail(ErrorKind::kInvalidInput, job.string() + ": broken");
+    return plan_document;
+  }
+
  private:
   static std::string value(const RenderOrder& order, const std::string& key) {
     std::string found;
@@ -75,7 +84,8 @@ class FakeRunner final : public Runner {
   void write(const std::filesystem::path& file, const RenderOrder& order, const std::string& type,
              const std::string& seed, double budget) const {
     std::mt19937_64 random(std::hash<std::string>()(type + seed));
-    std::normal_distribution<float> noise(0.5f, 0.1f / static_cast<float>(std::sqrt(budget)));
+    const float scale = std::ranges::find(order.set, worse) == order.set.end() ? 0.1f : 0.2f;
+    std::normal_distribution<float> noise(0.5f, scale / static_cast<float>(std::sqrt(budget)));
     const int width = std::max(1, number(order, "image.width"));
     const int height = std::max(1, number(order, "image.height"));
     LayeredImage image{width, height, {{"", {"R", "G", "B"}, {}}}, {}};
