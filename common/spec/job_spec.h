@@ -49,6 +49,7 @@ struct JobSpec {
     double initial_radius = 0.0;            ///< metres; 0: per pixel, from the scene
     int max_depth = 32;                     ///< bounces; 0: no bound but Russian roulette
     Switch guide_emission = Switch::kAuto;  ///< ppm, sppm; the planner resolves kAuto
+    int light_samples = 0;                  ///< of lamps at a point that the eye sees; the planner resolves 0
     bool error_estimate = false;            ///< ppm, sppm: layers of noise and bias
     std::uint64_t seed = 1;
   } integrator;

@@ -171,6 +171,11 @@ constexpr std::array kKeys = {
     Key{"integrator", "guide_emission", kOptional, kDecides, "",
         "ppm, sppm: photons start where a pilot found that it matters; auto: where that saves a third of their noise.",
         choice<kIntegrator, &S::Integrator::guide_emission>(kSwitches)},
+    Key{"integrator", "light_samples", kOptional, kDecides, "samples",
+        "Samples of direct light at each point that the eye sees, spread over the lamps; 0: 1 to 8, by what a pilot "
+        "found "
+        "them to save. path takes one.",
+        integer<kIntegrator, &S::Integrator::light_samples>(0, 64)},
     Key{"integrator", "error_estimate", kOptional, kDecides, "",
         "ppm and sppm estimate each pixel's noise and bias, as layers; with stop.error they always do.",
         boolean<kIntegrator, &S::Integrator::error_estimate>()},

@@ -65,7 +65,7 @@ struct World::WorkerDoor final : WorkerPort {
     process.fetch_until = world.clock_.now() + std::max(seconds, 0.01);
     const double until = process.fetch_until;
     world.at(world.clock_.now() + 0.001, [this] { world.hand_out(); });
-    world.at(until, [this, until, &w = world, name = process.name, mine = incarnation] {
+    world.at(until, [until, &w = world, name = process.name, mine = incarnation] {
       const auto it = w.workers_.find(name);
       if (it == w.workers_.end() || it->second->incarnation != mine || it->second->fetch_until != until) return;
       it->second->fetch_until = -1;
@@ -233,8 +233,8 @@ void World::hand_out() {
       task.holder_incarnation = p->incarnation;
       task.deadline = clock_.now() + kAckWait;
       p->fetch_until = -1;
-      at(clock_.now() + 0.001, [this, name, mine = p->incarnation, delivery = Delivery{handle, task.bytes}] {
-        Process& to = *workers_.at(name);
+      at(clock_.now() + 0.001, [this, to_name = name, mine = p->incarnation, delivery = Delivery{handle, task.bytes}] {
+        Process& to = *workers_.at(to_name);
         if (to.incarnation == mine) to.session->on_task(delivery);
       });
       break;

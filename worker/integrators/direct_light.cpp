@@ -22,6 +22,17 @@ Ray shadow_ray(const Scene& scene, const Vertex& vertex, const Lights::Picked& p
   return {origin, target - origin, 1.0f};
 }
 
+/// Digits of k in this base, mirrored at the point [Halton 1960]: any consecutive k lie far apart.
+float mirrored_digits(int k, int base) {
+  float value = 0.0f;
+  for (float digit = 1.0f / static_cast<float>(base); k > 0; k /= base, digit /= static_cast<float>(base))
+    value += digit * static_cast<float>(k % base);
+  return value;
+}
+
+/// Of [0, 2) into [0, 1).
+float wrapped(float u) { return u >= 1.0f ? u - 1.0f : u; }
+
 }  // namespace
 
 Rgb direct_light(const Scene& scene, const Vertex& vertex, const MediumStack& media, float u_pick, const Vec2f& u,
@@ -45,6 +56,18 @@ Rgb direct_light(const Scene& scene, const Vertex& vertex, const MediumStack& me
   if (light.delta || follow_probability <= 0.0f) return radiance;
   const float pdf_follow = follow_probability * bsdf.pdf(vertex.wo, light.wi, Transport::kRadiance, followed);
   return radiance * power_heuristic(light.pdf_w, pdf_follow);
+}
+
+Rgb direct_light(const Scene& scene, const Vertex& vertex, const MediumStack& media, float u_pick, const Vec2f& u,
+                 Portion followed, float follow_probability, int samples, std::uint64_t& rays) {
+  const float share = 1.0f / static_cast<float>(samples);
+  Rgb sum{0.0f, 0.0f, 0.0f};
+  for (int k = 0; k < samples; ++k) {
+    const float pick = std::min((u_pick + static_cast<float>(k)) * share, kOneMinusEpsilon);
+    const Vec2f at{wrapped(u.x + mirrored_digits(k, 2)), wrapped(u.y + mirrored_digits(k, 3))};
+    sum += direct_light(scene, vertex, media, pick, at, followed, follow_probability, rays);
+  }
+  return sum * share;
 }
 
 float emitter_weight(const Scene& scene, const SurfacePoint& point, const BsdfTechnique& technique) {

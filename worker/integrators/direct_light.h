@@ -41,6 +41,13 @@ struct BsdfTechnique {
 [[nodiscard]] Rgb direct_light(const Scene& scene, const Vertex& vertex, const MediumStack& media, float u_pick,
                                const Vec2f& u, Portion followed, float follow_probability, std::uint64_t& rays);
 
+/// The mean of `samples` such samples, each from its own part of all that u_pick chooses among and with u moved on:
+/// stratified over the lamps, and over each of them [Shirley, Wang and Zimmerman 1996, "Monte Carlo Techniques for
+/// Direct Lighting Calculations"]. One sample: the same as above.
+[[nodiscard]] Rgb direct_light(const Scene& scene, const Vertex& vertex, const MediumStack& media, float u_pick,
+                               const Vec2f& u, Portion followed, float follow_probability, int samples,
+                               std::uint64_t& rays);
+
 /// Weight of light emitted at `point` towards a path that sampled its way there.
 [[nodiscard]] float emitter_weight(const Scene& scene, const SurfacePoint& point, const BsdfTechnique& technique);
 /// Same for the environment met in direction `d`.

@@ -19,6 +19,7 @@ constexpr double kDarkShare = 0.1;
 /// Adds up what an eye sample sees without photons.
 struct DirectSink {
   const Scene& scene;
+  int light_samples;
   TileFigures& figures;
   Rgb sum{0.0f, 0.0f, 0.0f};
 
@@ -29,7 +30,8 @@ struct DirectSink {
   }
   void first_hit(const Vertex&, float) {}
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    sum += walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, figures.rays);
+    sum += walk.beta *
+           direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, light_samples, figures.rays);
   }
   void gather(const Vertex&, const Rgb&, const Vec2f&, const EyeWalk&) {}
 };
@@ -41,7 +43,7 @@ struct PilotPixel {
   double rays = 0;
 };
 
-std::vector<PilotPixel> pilot(const Scene& scene, const Eye& eye, int max_depth) {
+std::vector<PilotPixel> pilot(const Scene& scene, const Eye& eye, int max_depth, int light_samples) {
   std::vector<PilotPixel> pixels(static_cast<std::size_t>(eye.width()) * static_cast<std::size_t>(eye.height()));
   const EyePaths paths(scene, eye, max_depth);
   Statistics figures;
@@ -49,7 +51,7 @@ std::vector<PilotPixel> pilot(const Scene& scene, const Eye& eye, int max_depth)
     std::array<double, kPilotSamples> seen{};
     const std::uint64_t rays_before = sheet.rays;
     for (std::size_t i = 0; i < kPilotSamples; ++i) {
-      DirectSink sink{scene, sheet};
+      DirectSink sink{scene, light_samples, sheet};
       paths.follow(x, y, kPilotSequence + i, sink);
       if (is_finite(sink.sum)) seen[i] = double{luminance(sink.sum)};
     }
@@ -110,8 +112,8 @@ double extra_rays(const std::vector<Worth>& pixels, double scale) {
 
 }  // namespace
 
-EyeAllocation::EyeAllocation(const Scene& scene, const Eye& eye, int max_depth) {
-  const std::vector<Worth> pixels = worths(pilot(scene, eye, max_depth), eye.width(), eye.height());
+EyeAllocation::EyeAllocation(const Scene& scene, const Eye& eye, int max_depth, int light_samples) {
+  const std::vector<Worth> pixels = worths(pilot(scene, eye, max_depth, light_samples), eye.width(), eye.height());
   double rays = 0.0;
   for (const Worth& worth : pixels) rays += double{worth.rays};
   // The largest scale that the budget allows; where nothing varies any will do.

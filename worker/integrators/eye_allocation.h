@@ -18,7 +18,7 @@ namespace pf {
 class EyeAllocation {
  public:
   /// Traces the pilot samples of all pixels.
-  EyeAllocation(const Scene& scene, const Eye& eye, int max_depth);
+  EyeAllocation(const Scene& scene, const Eye& eye, int max_depth, int light_samples);
 
   /// 1 .. kMostSamples.
   [[nodiscard]] std::uint64_t samples(std::size_t pixel) const { return samples_[pixel]; }

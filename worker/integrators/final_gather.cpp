@@ -95,7 +95,7 @@ void FinalGatherIntegrator::render(const PixelTarget& target) const {
     }
   }
   Gather method{*this, target};
-  FourPartSink<Gather> sink(scene_, film_.scale, target, method);
+  FourPartSink<Gather> sink(scene_, film_.scale, light_samples_, target, method);
   EyePaths(scene_, eye_, max_depth_).follow(target.x, target.y, target.sample, sink);
 }
 

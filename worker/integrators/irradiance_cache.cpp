@@ -71,7 +71,7 @@ void IrradianceCacheIntegrator::render(const PixelTarget& target) const {
     target.figures.rays += figures().rays;
     target.figures.faults += figures().faults;
   }
-  Sink sink(scene_, film_.scale, target, *this);
+  Sink sink(scene_, film_.scale, light_samples_, target, *this);
   EyePaths(scene_, eye_, max_depth_).follow(target.x, target.y, target.sample, sink);
   if (target.sample > 0) return;
   const std::size_t pixel =

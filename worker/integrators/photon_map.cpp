@@ -113,7 +113,7 @@ void PhotonMapIntegrator::render(const PixelTarget& target) const {
     return;
   }
   Gather method{*this, target.figures, covered};
-  FourPartSink<Gather> sink(scene_, film_.scale, target, method);
+  FourPartSink<Gather> sink(scene_, film_.scale, light_samples_, target, method);
   paths.follow(target.x, target.y, target.sample, sink);
 }
 

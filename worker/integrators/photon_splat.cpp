@@ -109,7 +109,8 @@ PhotonSplatIntegrator::PhotonSplatIntegrator(const Scene& scene, const Camera& c
       rays_(scene, photon_options(spec), spec.photon_splat.differentials),
       film_(film_of_samples(scene, spec, Extra::kSpecular)),
       profile_(spec.photon_splat.kernel),
-      max_depth_(spec.integrator.max_depth) {
+      max_depth_(spec.integrator.max_depth),
+      light_samples_(std::max(1, spec.integrator.light_samples)) {
   const auto smoothing = static_cast<float>(spec.photon_splat.smoothing);
   least_footprints_ = kLeastFootprints * smoothing;
   const float widest = kWidestShare * 0.5f * length(scene.bounds().size()) * smoothing;
@@ -282,7 +283,7 @@ void PhotonSplatIntegrator::run(const WorkUnit& unit, const std::vector<Progress
       Tally tally(sums.pixels[i], &sums.extras[i], film_.scale, figures.faults);
       const PixelTarget target{x, y, s, tally, s < kFeatureSubPasses ? &sums.features[i] : nullptr, figures};
       SplatLight light{gathered, samples.first_of_pixel[i]};
-      FourPartSink<SplatLight> sink(scene_, film_.scale, target, light);
+      FourPartSink<SplatLight> sink(scene_, film_.scale, light_samples_, target, light);
       eye_paths.follow(x, y, s, sink);
       tally.commit();
     });

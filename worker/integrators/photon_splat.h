@@ -79,6 +79,7 @@ class PhotonSplatIntegrator final : public Integrator {
   std::array<KernelRule, kFlows> rules_;
   float least_footprints_ = 0;  ///< narrowest kernel, in pixel footprints
   int max_depth_;
+  int light_samples_;
 };
 
 }  // namespace pf

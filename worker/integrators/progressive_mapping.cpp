@@ -35,7 +35,8 @@ ProgressiveMapping::ProgressiveMapping(const Scene& scene, const Camera& camera,
       tracer_(scene, guided(photon_options(spec), guide_)),
       first_radius_{spec.integrator.initial_radius, 0.5f * length(scene.bounds().size()),
                     static_cast<double>(tracer_.options().paths)},
-      max_depth_(spec.integrator.max_depth) {
+      max_depth_(spec.integrator.max_depth),
+      light_samples_(std::max(1, spec.integrator.light_samples)) {
   film_.width = spec.image.width;
   film_.height = spec.image.height;
   film_.hit_points = sampling.hit_points;
@@ -176,9 +177,9 @@ struct ProgressiveMapping::RadianceSink {
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
     const float pick = lights != nullptr ? lights->next1() : u_pick;
     const Vec2f at = lights != nullptr ? lights->next2() : u;
-    tally.add_direct(
-        walk.beta * direct_weight *
-        direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow, figures.rays));
+    tally.add_direct(walk.beta * direct_weight *
+                     direct_light(integrator.scene_, vertex, walk.media, pick, at, Portion::kFollow, p_follow,
+                                  integrator.light_samples_, figures.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk&) {
     if (weight == 0.0f) return;
@@ -299,7 +300,7 @@ void ProgressiveMapping::gather_pixel(int x, int y, std::uint64_t sub_pass, cons
 
 void ProgressiveMapping::run(const WorkUnit& unit, const std::vector<ProgressivePixel>& state, Statistics& sums) const {
   if (sampling_.fixed == 0) {
-    std::call_once(allocating_, [&] { allocation_.emplace(scene_, eye_, max_depth_); });
+    std::call_once(allocating_, [&] { allocation_.emplace(scene_, eye_, max_depth_, light_samples_); });
   }
   for (std::uint64_t s = unit.first_sub_pass; s < unit.first_sub_pass + unit.sub_passes; ++s) {
     PhotonBatch batch = tracer_.trace(s);

@@ -70,6 +70,7 @@ class ProgressiveMapping : public Integrator {
   FirstRadius first_radius_;
   FilmOptions film_;
   int max_depth_;
+  int light_samples_;
   /// Made by the first unit: who only looks at radii needs none.
   mutable std::once_flag allocating_;
   mutable std::optional<EyeAllocation> allocation_;

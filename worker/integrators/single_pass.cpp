@@ -1,5 +1,7 @@
 #include "worker/integrators/single_pass.h"
 
+#include <algorithm>
+
 namespace pf {
 
 FilmOptions film_of_samples(const Scene& scene, const JobSpec& spec, Extra extra) {
@@ -16,7 +18,8 @@ SinglePassIntegrator::SinglePassIntegrator(const Scene& scene, const Camera& cam
     : scene_(scene),
       eye_(scene, camera, spec.image.width, spec.image.height, spec.integrator.seed),
       film_(film_of_samples(scene, spec, extra)),
-      max_depth_(spec.integrator.max_depth) {
+      max_depth_(spec.integrator.max_depth),
+      light_samples_(std::max(1, spec.integrator.light_samples)) {
   film_.part_edge = PassOrder::edge_for(spec.image.width, spec.image.height);
 }
 

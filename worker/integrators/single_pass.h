@@ -44,6 +44,7 @@ class SinglePassIntegrator : public Integrator {
   Eye eye_;
   FilmOptions film_;
   int max_depth_;
+  int light_samples_;
 };
 
 /// Sends what an eye path meets to the layers of the four-part split [Jensen 1996, 4]: what is seen through a sharp
@@ -65,8 +66,9 @@ class FourPartSink {
     }
   };
 
-  FourPartSink(const Scene& scene, const SumScale& scale, const PixelTarget& target, Method& method)
-      : scene_(scene), scale_(scale), target_(target), method_(method) {}
+  /// `light_samples`: of direct light at a vertex.
+  FourPartSink(const Scene& scene, const SumScale& scale, int light_samples, const PixelTarget& target, Method& method)
+      : scene_(scene), scale_(scale), light_samples_(light_samples), target_(target), method_(method) {}
 
   void ray() { ++target_.figures.rays; }
   void escape(const EyeWalk& walk) { layers(walk).add_direct(environment_seen(scene_, walk)); }
@@ -78,7 +80,7 @@ class FourPartSink {
   }
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
     layers(walk).add_direct(walk.beta * direct_light(scene_, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow,
-                                                     target_.figures.rays));
+                                                     light_samples_, target_.figures.rays));
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk) {
     method_.gather(vertex, beta, u, walk, layers(walk));
@@ -89,6 +91,7 @@ class FourPartSink {
 
   const Scene& scene_;
   const SumScale& scale_;
+  int light_samples_;
   const PixelTarget& target_;
   Method& method_;
 };

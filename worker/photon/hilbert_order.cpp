@@ -123,8 +123,8 @@ bool sort_by_digit(const std::vector<Keyed>& from, std::vector<Keyed>& to, int s
 std::vector<std::uint32_t> hilbert_order(const Photons& p) {
   const Box3f box = bounds_of(p);
   const Vec3f size = box.size();
-  const float extent = std::max({size.x, size.y, size.z, std::numeric_limits<float>::min()});
-  const float scale = 2097151.0f / extent;
+  // Finite also where all lie at one place: there nothing is left to order.
+  const float scale = std::min(2097151.0f / std::max({size.x, size.y, size.z}), std::numeric_limits<float>::max());
   std::vector<Keyed> keyed(p.size());
   for_each_chunk(p.size(), [&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

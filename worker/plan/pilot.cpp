@@ -84,6 +84,9 @@ PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
 struct PixelFindings {
   double nothing = 0, diffuse = 0, glossy = 0, specular = 0;
   double direct = 0, direct_square = 0;
+  double asked = 0, asked_square = 0;  ///< of direct light: the samples that ask the photons,
+  double many = 0, many_square = 0;    ///< and the same with kPilotLightSamples of lamps
+  std::uint64_t light_rays = 0;        ///< towards lamps
   double group = 0, group_square = 0;  ///< of direct light: sum of the last samples, squared means of whole groups
   double gathers = 0;
   std::array<double, kFlows> light{}, reflectance{};  ///< of the samples that ask the photons
@@ -105,14 +108,19 @@ struct PilotSink {
   PixelFindings& found;
   bool asks = false;    ///< this sample asks the photons
   double radiance = 0;  ///< of this sample: what photon mapping samples from the eye
+  double many = 0;      ///< the same with kPilotLightSamples of lamps at each point, where it asks
 
   void ray() { ++found.eye.rays; }
   void escape(const EyeWalk& walk) {
-    radiance += lum(environment_seen(scene, walk));
+    add(environment_seen(scene, walk));
     found.nothing += walk.bounce == 0 ? 1.0 : 0.0;
   }
   void emitter(const SurfacePoint& point, const Vec3f& wo, const EyeWalk& walk) {
-    radiance += lum(emission_seen(scene, point, wo, walk));
+    add(emission_seen(scene, point, wo, walk));
+  }
+  void add(const Rgb& seen) {
+    radiance += lum(seen);
+    many += lum(seen);
   }
   void first_hit(const Vertex& vertex, float) {
     const Bsdf& bsdf = vertex.bsdf;
@@ -129,8 +137,13 @@ struct PilotSink {
     }
   }
   void direct(const Vertex& vertex, float u_pick, const Vec2f& u, float p_follow, const EyeWalk& walk) {
-    radiance +=
-        lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, found.eye.rays));
+    std::uint64_t rays = 0;
+    radiance += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow, rays));
+    found.light_rays += rays;
+    found.eye.rays += rays;
+    if (!asks) return;
+    many += lum(walk.beta * direct_light(scene, vertex, walk.media, u_pick, u, Portion::kFollow, p_follow,
+                                         kPilotLightSamples, rays));  // rays of the pilot, not of the job
   }
   void gather(const Vertex& vertex, const Rgb& beta, const Vec2f& u, const EyeWalk& walk) {
     found.gathers += 1.0;
@@ -191,6 +204,12 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
     eye_paths.follow(x, y, static_cast<std::uint64_t>(s), sink);
     found.direct += sink.radiance;
     found.direct_square += sink.radiance * sink.radiance;
+    if (sink.asks) {
+      found.asked += sink.radiance;
+      found.asked_square += sink.radiance * sink.radiance;
+      found.many += sink.many;
+      found.many_square += sink.many * sink.many;
+    }
     found.group += sink.radiance;
     if ((s + 1) % kGroup == 0) {
       found.group_square += found.group * found.group / (kGroup * kGroup);
@@ -228,7 +247,13 @@ double variance(double mean, double sum_of_squares, int count) {
   return std::max(0.0, (sum_of_squares / count - mean * mean) * count / (count - 1));
 }
 
-void add_pixel(const PixelFindings& found, double paths, Pilot& pilot) {
+/// Sums over pixels of direct light's noise in the samples that ask the photons, and of that with many samples of
+/// lamps.
+struct LightNoise {
+  double asked = 0, many = 0;
+};
+
+void add_pixel(const PixelFindings& found, double paths, Pilot& pilot, LightNoise& noise) {
   pilot.nothing += found.nothing / kPilotSamples;
   pilot.diffuse += found.diffuse / kPilotSamples;
   pilot.glossy += found.glossy / kPilotSamples;
@@ -250,6 +275,9 @@ void add_pixel(const PixelFindings& found, double paths, Pilot& pilot) {
   pilot.path_noise += scale * variance(found.path / kPilotSamples, found.path_square, kPilotSamples);
   const double direct = found.direct / kPilotSamples;
   pilot.direct_noise += scale * variance(direct, found.direct_square, kPilotSamples);
+  pilot.light_rays += static_cast<double>(found.light_rays) / kPilotSamples;
+  noise.asked += scale * variance(found.asked / kGatherSamples, found.asked_square, kGatherSamples);
+  noise.many += scale * variance(found.many / kGatherSamples, found.many_square, kGatherSamples);
   pilot.direct_group_noise += scale * variance(direct, found.group_square, kPilotSamples / kGroup);
   pilot.caustic_moment += scale * found.reflectance[kCaustic] / kGatherSamples;
   pilot.caustic_square += scale * light[kCaustic] * light[kCaustic];
@@ -310,7 +338,9 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
   });
   pilot.pixels = static_cast<std::uint32_t>(found.size());
   pilot.samples = kPilotSamples;
-  for (const PixelFindings& pixel : found) add_pixel(pixel, static_cast<double>(photon_paths(spec)), pilot);
+  LightNoise noise;
+  for (const PixelFindings& pixel : found) add_pixel(pixel, static_cast<double>(photon_paths(spec)), pilot, noise);
+  if (noise.asked > 0.0) pilot.light_noise_left = std::min(1.0, noise.many / noise.asked);
   const double share = 1.0 / static_cast<double>(found.size());
   for (double* mean : {&pilot.nothing,
                        &pilot.diffuse,
@@ -318,6 +348,7 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
                        &pilot.specular,
                        &pilot.path_rays,
                        &pilot.eye_rays,
+                       &pilot.light_rays,
                        &pilot.gathers,
                        &pilot.direct,
                        &pilot.light[kCaustic],

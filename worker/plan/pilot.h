@@ -48,6 +48,8 @@ struct Pilot {
   double path_noise = 0;          ///< of path tracing, as far as its samples saw it
   double direct_noise = 0;        ///< of what photon mapping samples from the eye
   double direct_group_noise = 0;  ///< of the mean of four samples that are stratified against each other
+  double light_noise_left = 1;    ///< part of direct_noise that stays with kPilotLightSamples at a point instead of one
+  double light_rays = 0;          ///< of an eye sample, towards lamps
   double caustic_moment = 0;      ///< noise that hitting lamps of radiance 1 by chance adds for all caustics
   double caustic_square = 0;      ///< relMSE of an image without any caustic
   double indirect_moment = 0, indirect_square = 0;  ///< the same for indirect light
@@ -67,6 +69,8 @@ struct Pilot {
 inline constexpr std::uint32_t kPilotPhotons = 16384;
 /// Pixels that are looked at, on a grid over the image, and eye samples of each.
 inline constexpr int kPilotPixels = 384, kPilotSamples = 16;
+/// Samples of direct light that some eye samples take besides at each of their points, stratified.
+inline constexpr int kPilotLightSamples = 8;
 
 /// Traces the pilot of a job: a tenth of a second on one thread, a few tenths in closed rooms.
 [[nodiscard]] Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec);

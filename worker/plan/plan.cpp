@@ -140,6 +140,17 @@ void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
   plan.decisions.push_back({"photons", std::to_string(paths), std::move(reason)});
 }
 
+void decide_light_samples(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
+  plan.light_samples = plan_light_samples(spec, pilot, plan.algorithm);
+  std::string reason = fmt::format("{} at a point instead of 1 leave {:.2g} of the eye's own noise", kPilotLightSamples,
+                                   pilot.light_noise_left);
+  if (plan.algorithm == IntegratorType::kPath)
+    reason = "path takes one at each bounce";
+  else if (spec.integrator.light_samples > 0)
+    reason = "the job asks for them (integrator.light_samples)";
+  plan.decisions.push_back({"light samples", std::to_string(plan.light_samples), std::move(reason)});
+}
+
 void decide_photon_terms(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot, Plan& plan) {
   const bool traces = plan.algorithm != IntegratorType::kPath;
   const CausticFacts& caustics = facts.caustics;
@@ -199,6 +210,7 @@ JobSpec Plan::resolve(const JobSpec& spec) const {
   JobSpec resolved = spec;
   resolved.integrator.type = algorithm;
   if (photons > 0) resolved.integrator.photons = photons;
+  resolved.integrator.light_samples = light_samples;
   resolved.integrator.guide_emission = guided_emission ? Switch::kOn : Switch::kOff;
   resolved.photon_map.caustic_map = caustic_map ? Switch::kOn : Switch::kOff;
   // Where the view is sparse the maps look for themselves what each of them needs.
@@ -219,6 +231,7 @@ Plan make_plan(const JobSpec& spec, const SceneFacts& facts, const Pilot& pilot)
     plan.decisions.push_back({"algorithm", std::string(to_string(asked)), "the job asks for it (integrator.type)"});
   }
   decide_photons(spec, pilot, plan);
+  decide_light_samples(spec, pilot, plan);
   decide_photon_terms(spec, facts, pilot, plan);
   decide_terms(spec, facts, plan);
   if (!facts.lights.any()) {

@@ -32,6 +32,7 @@ struct Candidate {
 struct Plan {
   IntegratorType algorithm = IntegratorType::kPath;  ///< never kAuto
   std::int64_t photons = 0;                          ///< paths of a sub-pass; 0: as the job has it
+  int light_samples = 1;                             ///< of direct light at a point that the eye sees
   bool caustic_map = false;                          ///< some photon meets a mirror or glass first
   bool projection_map = false;                       ///< photons only towards what the lights see
   bool guided_emission = false;                      ///< photons start where Pilot::emission says
@@ -42,7 +43,7 @@ struct Plan {
   bool rough_lobes = false;
   bool media = false;  ///< absorption inside glass
   bool depth_of_field = false;
-  std::vector<Decision> decisions;    ///< the algorithm first, then photons, then each term in the order above
+  std::vector<Decision> decisions;  ///< the algorithm first, then photons, light samples, each term in the order above
   std::vector<Candidate> candidates;  ///< the methods that `auto` weighs, in order of their work to kPlanTarget
   std::vector<std::string> warnings;
 

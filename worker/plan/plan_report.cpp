@@ -220,6 +220,8 @@ nlohmann::json pilot_json(const Pilot& p) {
       {"path_noise", p.path_noise},
       {"direct_noise", p.direct_noise},
       {"direct_power", p.direct_power()},
+      {"light_samples", {{"taken", kPilotLightSamples}, {"noise_left", p.light_noise_left}}},
+      {"light_rays_per_eye_sample", p.light_rays},
       {"photon_noise", flows(p.photon_noise)},
       {"guided_emission",
        {{"gain", p.emission.gain}, {"paths", p.emission.paths}, {"rays_per_path", p.emission.rays_per_path}}},

@@ -11,9 +11,9 @@ CameraRays::CameraRays(const Camera& camera, int width, int height)
       focus_distance_(camera.focus_distance),
       orthographic_(camera.orthographic) {
   const Matrix44f& m = camera.camera_to_world;
-  right_ = normalize({m[0][0], m[0][1], m[0][2]});
-  up_ = normalize({m[1][0], m[1][1], m[1][2]});
-  forward_ = -normalize({m[2][0], m[2][1], m[2][2]});
+  right_ = normalize(Vec3f{m[0][0], m[0][1], m[0][2]});
+  up_ = normalize(Vec3f{m[1][0], m[1][1], m[1][2]});
+  forward_ = -normalize(Vec3f{m[2][0], m[2][1], m[2][2]});
   position_ = {m[3][0], m[3][1], m[3][2]};
 
   const float image_aspect = static_cast<float>(width) / static_cast<float>(height);

@@ -23,7 +23,7 @@ SceneMaker half_a_lamp() {
 }
 
 EyeAllocation allocation_of(const Scene& scene) {
-  return {scene, Eye(scene, scene.cameras().front(), kEdge, kEdge, 1), 0};
+  return {scene, Eye(scene, scene.cameras().front(), kEdge, kEdge, 1), 0, 1};
 }
 
 TEST(EyeAllocation, LooksOftenerWhereALampEndsAndKeepsItsBudget) {

@@ -17,7 +17,7 @@ IrradianceRecord some_record(PathRng& rng, int i) {
   IrradianceRecord record;
   const Vec2f xz = (rng.next2() - Vec2f(0.5f, 0.5f)) * 2.0f;
   record.position = {xz.x, 0.0f, xz.y};
-  record.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : normalize({0.05f * rng.next1(), 1.0f, 0.0f});
+  record.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : normalize(Vec3f{0.05f * rng.next1(), 1.0f, 0.0f});
   if (i % 7 == 0) {
     record.position = {1.0f, xz.x, xz.y};
     record.normal = {-1, 0, 0};

@@ -170,7 +170,7 @@ TEST(IrradianceHemisphere, GradientsInACubeOfSmoothLightAreFiniteDifferences) {
 }
 
 TEST(IrradianceHemisphere, UnderAUniformSkyNothingChangesButWithTheHorizon) {
-  const Frame frame = Frame::from_normal(normalize({1, 2, -1}));
+  const Frame frame = Frame::from_normal(normalize(Vec3f{1, 2, -1}));
   const HemisphereGrid grid = HemisphereGrid::of_rays(512);
   PathRng rng(4, Stream::kTest, 3, 0);
   const auto estimate = estimate_irradiance(sample(grid, {0, 0, 0}, frame, rng,

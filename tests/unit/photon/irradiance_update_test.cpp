@@ -69,7 +69,7 @@ TEST(SceneChange, IsCrossedBySegmentsThatReachABox) {
   EXPECT_FALSE(change.crossed({0, 0, 0}, {-1, 0, 0}, 10.0f));
   EXPECT_TRUE(change.crossed({1.5f, 0, 0}, {0, 1, 0}, 0.1f, &enter));
   EXPECT_EQ(enter, 0.0f);
-  EXPECT_FALSE(change.crossed({0, 2, 0}, normalize({1, 0, 0}), kInfinity));
+  EXPECT_FALSE(change.crossed({0, 2, 0}, normalize(Vec3f{1, 0, 0}), kInfinity));
   // Against points of random segments.
   PathRng rng(1, Stream::kTest, 0, 0);
   for (int i = 0; i < 3000; ++i) {

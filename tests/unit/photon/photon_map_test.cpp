@@ -49,7 +49,7 @@ NearestQuery some_query(PathRng& rng, int i) {
   const float radius = i % 4 == 0 ? 0.01f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? kInfinity : 0.05f;
   q.max_distance2 = radius * radius;
   q.nearest = i % 3 == 0 ? 1 : i % 3 == 1 ? 50 : 333;
-  q.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : i % 5 == 1 ? Vec3f{1, 0, 0} : normalize({0.1f, 1.0f, -0.2f});
+  q.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : i % 5 == 1 ? Vec3f{1, 0, 0} : normalize(Vec3f{0.1f, 1.0f, -0.2f});
   q.both_sides = i % 4 == 3;
   return q;
 }

@@ -70,9 +70,9 @@ TEST(PhotonLanes, DrawTheNumbersOfPhilox) {
   const Uint8 path = {0, 1, 2, 3, 1000, 70000, 0xFFFFFFFFu, 5}, block = {0, 1, 2, 3, 4, 5, 6, 7};
   const auto drawn = numbers.draw(path, block);
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const auto bits =
-        philox4x32({path[lane], 7u, 1u ^ (static_cast<std::uint32_t>(Stream::kPhoton) << 16), block[lane]},
-                   {0x89ABCDEFu, 0x1234567u});
+    const std::array<std::uint32_t, 4> counter = {
+        path[lane], 7u, 1u ^ (static_cast<std::uint32_t>(Stream::kPhoton) << 16), block[lane]};
+    const auto bits = philox4x32(counter, {0x89ABCDEFu, 0x1234567u});
     for (std::size_t k = 0; k < 4; ++k) EXPECT_EQ(drawn[k][lane], to_unit_float(bits[k]));
   }
   EXPECT_EQ(numbers.late(path[5], 1), numbers.draw(path, Uint8{} + (PhotonNumbers::block_of(1) + 1))[0][5]);

@@ -73,7 +73,7 @@ TEST_P(PhotonTreeOfSize, FindsExactlyWhatBruteForceFinds) {
     // Neighbouring queries whose radii differ by a factor of a hundred, some of them reaching over all photons.
     const float radius = i % 4 == 0 ? 0.003f : i % 4 == 1 ? 0.3f : i % 4 == 2 ? 3.0f : 0.03f;
     q.radius2 = radius * radius;
-    q.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : i % 5 == 1 ? Vec3f{1, 0, 0} : normalize({0.1f, 1.0f, -0.2f});
+    q.normal = i % 5 == 0 ? Vec3f{0, -1, 0} : i % 5 == 1 ? Vec3f{1, 0, 0} : normalize(Vec3f{0.1f, 1.0f, -0.2f});
     q.both_sides = i % 3 == 0;
     const FluxSum expected = brute_force(q, photons);
     for (const PhotonTree::Isa isa : isas()) {

@@ -19,8 +19,8 @@ std::unique_ptr<const Scene> sparse_scene(bool with_environment) {
   maker.sphere({3, 0.3f, -2}, 0.3f, grey, 12);
   maker.quad({-1, 2, 0}, {0.5f, 0, 0}, {0, 0.2f, 0.4f}, maker.emitter({4, 4, 4}));
   maker.point_light({0.5f, 1.5f, 1.0f}, 2.0f);
-  maker.spot_light({-2, 1.5f, 0.2f}, normalize({1, -0.5f, 0}), 3.0f, 0.95f, 0.8f);
-  maker.directional_light(normalize({0.2f, -1, 0.1f}), 0.5f);
+  maker.spot_light({-2, 1.5f, 0.2f}, normalize(Vec3f{1, -0.5f, 0}), 3.0f, 0.95f, 0.8f);
+  maker.directional_light(normalize(Vec3f{0.2f, -1, 0.1f}), 0.5f);
   if (with_environment) maker.environment({0.3f, 0.2f, 0.1f});
   maker.camera({0, 1, 3}, {0, 0, 0}, 1.0f);
   return maker.build();

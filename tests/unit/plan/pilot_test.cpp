@@ -103,6 +103,18 @@ TEST(Pilot, TellsHowFastNoiseFallsFromGroupsOfSamples) {
   EXPECT_GT(flown(diffuse_box()).direct_power(), 1.1) << "a lamp, sampled in a stratified way";
 }
 
+TEST(Pilot, TellsWhatMoreSamplesOfLampsWouldSave) {
+  SceneMaker sky = bare_floor();
+  sky.environment({1, 1, 1});
+  const Pilot under_sky = flown(sky);
+  EXPECT_LT(under_sky.light_noise_left, 0.5);
+  EXPECT_NEAR(under_sky.light_rays, 0.5, 0.2) << "half the directions lie below the floor";
+  SceneMaker sun = bare_floor();
+  sun.directional_light({0, -1, 0}, 1);
+  EXPECT_GT(flown(sun).light_noise_left, 0.9) << "a sun without size has no noise but the floor's edge";
+  EXPECT_NEAR(flown(sun).light_rays, flown(sun).diffuse, 0.01);
+}
+
 TEST(Pilot, TeachesAGuideOnlyToMethodsThatHaveAUseForIt) {
   const auto scene = diffuse_box().build();
   Pilot noisy;

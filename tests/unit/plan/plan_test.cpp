@@ -281,5 +281,24 @@ TEST(Plan, ForecastsTheErrorThatTheJobStopsAt) {
   EXPECT_DOUBLE_EQ(json["forecast"]["relative_mse"], 0.04);
 }
 
+TEST(Plan, TakesAsManySamplesOfLampsAsPayForTheirRays) {
+  Pilot pilot = plain_pilot();
+  pilot.light_rays = 1;
+  EXPECT_EQ(planned(pilot, auto_job(IntegratorType::kSppm)).light_samples, 1) << "they would leave all of the noise";
+  pilot.light_noise_left = 0.1;
+  const Plan plan = planned(pilot, auto_job(IntegratorType::kSppm));
+  EXPECT_GT(plan.light_samples, 1);
+  EXPECT_EQ(decision(plan, "light samples").choice, std::to_string(plan.light_samples));
+  EXPECT_EQ(plan.resolve(auto_job()).integrator.light_samples, plan.light_samples);
+  EXPECT_GE(planned(pilot, auto_job(IntegratorType::kIrradianceCache)).light_samples, plan.light_samples)
+      << "nothing but the eye's noise falls from pass to pass";
+  EXPECT_EQ(planned(pilot, auto_job(IntegratorType::kPath)).light_samples, 1);
+  pilot.light_rays = 100;
+  EXPECT_EQ(planned(pilot, auto_job(IntegratorType::kSppm)).light_samples, 1) << "they would cost more than they save";
+  JobSpec asked = auto_job(IntegratorType::kSppm);
+  asked.integrator.light_samples = 3;
+  EXPECT_EQ(planned(pilot, asked).light_samples, 3);
+}
+
 }  // namespace
 }  // namespace pf::test
