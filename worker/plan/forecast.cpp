@@ -206,10 +206,10 @@ Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {
   const double more = std::pow(static_cast<double>(photon_paths(spec)) / paths, 2.0 / 3.0);
   f.floor = kInterpolated * more * (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]);
   f.pass = eye_pass(spec, pilot, light_samples);
-  const double records =
+  const double full_records =  // of so many rays as irradiance_cache.rays
       kRecords * std::pow(pixels_of(spec) / kRecordsPixels, kRecordsPower) * pixels_of(spec) * pilot.diffuse;
   const auto caustic_paths = pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
-  f.setup = kPhotonRay * pilot.photon_rays * (paths + caustic_paths) + records * spec.irradiance_cache.rays;
+  f.setup = kPhotonRay * pilot.photon_rays * (paths + caustic_paths) + full_records * spec.irradiance_cache.rays;
   return f;
 }
 
