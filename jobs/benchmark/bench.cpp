@@ -264,7 +264,10 @@ class Bench {
     const double typical = !seconds_.empty()            ? known / static_cast<double>(seconds_.size())
                            : result_.suite.by_seconds() ? 1.2 * result_.suite.seconds.back()
                                                         : 10.0;
-    double left = static_cast<double>(where_.total - std::max(where_.done, schedule_.size())) * typical;  // ablations
+    // Terms turned round stop at a smaller budget.
+    const Suite& suite = result_.suite;
+    const double of_term = suite.by_seconds() ? 1.2 * suite.seconds[ablation_budget(suite)] : typical;
+    double left = static_cast<double>(where_.total - std::max(where_.done, schedule_.size())) * of_term;
     for (std::size_t i = where_.done; i < schedule_.size(); ++i) {
       const auto same = seconds_.find({schedule_[i].scene, schedule_[i].method});
       left += same == seconds_.end() ? typical : same->second;
