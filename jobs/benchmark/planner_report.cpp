@@ -77,9 +77,10 @@ std::string ablations_html(const BenchResult& bench) {
   std::string rows;
   for (const SceneResult& scene : bench.scenes) {
     for (const Ablation& a : scene.ablations) {
-      rows += fmt::format("<tr><td>{}</td><td>{}: {}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(scene.scene.name),
-                          escaped(bench.suite.methods[a.method].name), escaped(a.algorithm), escaped(a.term),
-                          escaped(a.planned), escaped(a.instead));
+      std::string method = bench.suite.methods[a.method].name;
+      if (method != a.algorithm) method += ": " + a.algorithm;
+      rows += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(scene.scene.name),
+                          escaped(method), escaped(a.term), escaped(a.planned), escaped(a.instead));
       rows += a.seeds == 0 ? fmt::format("<td class=\"bad\" colspan=\"4\">{}</td></tr>\n", escaped(a.failure))
                            : fmt::format(
                                  "<td>{}</td><td>{:.3f}<br><span class=\"dim\">{:.3f} to {:.3f}</span></td>"
