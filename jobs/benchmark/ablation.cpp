@@ -63,6 +63,8 @@ MethodEntry as_planned(const nlohmann::json& decisions, const MethodEntry& metho
     const std::string subject = decision.value("subject", ""), choice = decision.value("choice", "");
     if (subject == "algorithm") chosen.type = choice;
     if (subject == "photons") chosen.set.push_back("integrator.photons=" + choice);
+    if (subject == "light samples") chosen.set.push_back("integrator.light_samples=" + choice);
+    if (subject == "guided emission") chosen.set.push_back("integrator.guide_emission=" + choice);
   }
   return chosen;
 }

@@ -172,8 +172,14 @@ class Bench {
   Result<void> ablate(const TurnedTerms& terms) {
     SceneResult& scene = result_.scenes[terms.scene];
     std::vector<Ablation> found;
-    for (const Variant& v : std::span(terms.variants).subspan(1))
-      found.push_back({terms.method, v.method.type, v.term, v.planned, v.instead, 0, 0, 0, 0, 0, 0, 0, {}});
+    for (const Variant& v : std::span(terms.variants).subspan(1)) {
+      Ablation& ablation = found.emplace_back();
+      ablation.method = terms.method;
+      ablation.algorithm = v.method.type;
+      ablation.term = v.term;
+      ablation.planned = v.planned;
+      ablation.instead = v.instead;
+    }
     const std::size_t budget = ablation_budget(result_.suite);
     for (const RunResult& own : scene.methods[terms.method].runs) {
       if (own.error.empty() && budget < own.samples.size()) {

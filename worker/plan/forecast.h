@@ -42,8 +42,8 @@ inline constexpr double kForecastFactor = 3.0;
 /// Of sppm with plan_photons().
 [[nodiscard]] Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot);
 /// Samples of direct light at a point that the eye sees: the job's, or of 1, 2, 4 and 8 the fewest that take no more
-/// than a tenth over the least: of judged work by sppm for `method` sppm or ppm, of the work that the eye's noise takes
-/// for the other methods. One for path tracing.
+/// than 3 % over the least: of judged work by sppm for `method` sppm or ppm, of the work that the eye's noise takes for
+/// the other methods. One for path tracing.
 [[nodiscard]] int plan_light_samples(const JobSpec& spec, const Pilot& pilot, IntegratorType method);
 /// Photon paths of a pass of sppm: the job's, or of 1, 2, 4 ... 32 a pixel the fewest that take no more than a tenth
 /// over the least judged work, unguided: what a guide saves is not known so well that fewer could be risked. Few where

@@ -26,6 +26,7 @@ json plan() {
   json decisions = json::array();
   for (const auto& [subject, choice] : {std::pair{"algorithm", "sppm"},
                                         {"photons", "5000"},
+                                        {"light samples", "4"},
                                         {"caustic map", "on"},
                                         {"guided emission", "on"},
                                         {"environment", "off"},
@@ -84,6 +85,8 @@ TEST_F(BenchAblations, TurnEachTermRoundAtThePassesOfTheMethod) {
     ++turned;
     EXPECT_TRUE(has(order, "integrator.type=sppm"));
     EXPECT_TRUE(has(order, "integrator.photons=5000"));
+    EXPECT_TRUE(has(order, "integrator.light_samples=4")) << "planned anew, they could be others";
+    EXPECT_TRUE(has(order, "integrator.guide_emission=on"));
     EXPECT_FALSE(has(order, "photon_map.caustic_map=off"));
   }
   EXPECT_EQ(turned, 3 * 3);
