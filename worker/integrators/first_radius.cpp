@@ -10,13 +10,17 @@ double wanted_photons(const RadiusRule& rule, double paths) {
   return double{rule.photons} * std::pow(paths / kRulePaths, 2.0 / 3.0);
 }
 
-float FirstRadius::squared(GatherCursor& photons, Flow flow, DiscQuery query, float footprint) const {
-  if (fixed > 0.0) return static_cast<float>(fixed * fixed);
-  const RadiusRule& rule = kRadiusRules[flow];
+RadiusBounds radius_bounds(const RadiusRule& rule, float footprint, float scene_radius) {
   // No disc is wider than a part of the scene, however far away the surface is seen from.
   constexpr float kMaxSceneShare = 0.05f;  // 0.08 brightens the corners of the peer box visibly
   const float largest = std::min(rule.max_footprints * footprint, kMaxSceneShare * scene_radius);
-  const float smallest = std::min(rule.min_footprints * footprint, largest);
+  return {std::min(rule.min_footprints * footprint, largest), largest};
+}
+
+float FirstRadius::squared(GatherCursor& photons, Flow flow, DiscQuery query, float footprint) const {
+  if (fixed > 0.0) return static_cast<float>(fixed * fixed);
+  const RadiusRule& rule = kRadiusRules[flow];
+  const auto [smallest, largest] = radius_bounds(rule, footprint, scene_radius);
   query.radius2 = largest * largest;
   auto found = static_cast<float>(photons.count(query));
   const auto wanted = static_cast<float>(wanted_photons(rule, paths));

@@ -23,6 +23,13 @@ inline constexpr double kRulePaths = 500000.0;
 /// shrinks with the cube root of the sub-passes, does not depend on how they are cut.
 [[nodiscard]] double wanted_photons(const RadiusRule& rule, double paths);
 
+/// Radii that a first disc may have [m], where a pixel's footprint is so wide [m] in a scene with this radius [m].
+struct RadiusBounds {
+  float smallest;
+  float largest;
+};
+[[nodiscard]] RadiusBounds radius_bounds(const RadiusRule& rule, float footprint, float scene_radius);
+
 /// Area of a disc where light changes evenly, over that of the rule. Four times brings no more
 /// (tests/bench/FINDINGS.md).
 inline constexpr float kWidening = 2.0f;

@@ -9,20 +9,31 @@
 namespace pf {
 namespace {
 
-/// Work of a photon's ray with storing and sorting, and of a gather, in eye rays: 0.7, 1.1 and 1.0 us were
-/// measured on the example scenes.
-constexpr double kPhotonRay = 0.65, kGather = 0.9;
-/// Work of a further sample of direct light that shoots a ray, in eye rays: 0.5 to 1.2 us were measured.
-constexpr double kLightRay = 0.8;
+/// Work in rays of a path tracer with their shading, 0.63 us: fitted to 120 runs of sppm on the example scenes
+/// (tests/bench/PLANNER.md), which it meets within 30 %.
+constexpr double kEyeRay = 0.7, kGather = 2.6;
+/// Of a further sample of direct light that shoots a ray.
+constexpr double kLightRay = 1.1;
+/// Of a photon's ray, and of storing and sorting one. Guided photons all come to where the eye looks, where surfaces
+/// are fine and discs are full: their rays take twice as long with all that follows.
+constexpr double kPhotonRay = 0.5, kStoredPhoton = 0.5, kGuidedRay = 1.1;
+/// Of reading the irradiance cache at a place.
+constexpr double kInterpolate = 1.0;
 /// Gather rays of the irradiance cache for each diffuse pixel, in irradiance_cache.rays: 0.02 to 0.05 at so many
 /// pixels, 0.006 to 0.03 at seven times as many, since records follow the room.
 constexpr double kRecords = 0.045, kRecordsPixels = 7000.0, kRecordsPower = -0.3;
 /// What interpolating records leaves of the map's own error (0.4 to 0.9 on the example scenes).
 constexpr double kInterpolated = 0.5;
 
-/// relMSE of sppm's density estimates over that of their noise alone, by flow: blur adds to it, widened discs take from
-/// it (2.6 to 6 where indirect light rules, 1.2 for the caustic of a ball, in images below relMSE 0.001).
-constexpr std::array<double, kFlows> kErrorOverNoise{1.2, 4.0};
+/// relMSE of sppm's density estimates over that of their noise in the first discs, by flow: blur adds to it, widened
+/// discs take from it. 0.8 to 1.0 of indirect light on the example scenes; 0.4 to 0.8, and 1.3 in the glass, of
+/// caustics.
+constexpr std::array<double, kFlows> kErrorOverNoise{0.75, 0.9};
+/// Power of the photon paths with which it falls: 2/3 by the rule for full discs, 1 where a disc may not grow to fill;
+/// 0.7 to 0.8 were measured, 0.5 in the glass.
+constexpr double kPathsPower = 0.75;
+/// What a guide leaves of it is this power of its gain: noise falls with the gain, but discs stay where they are.
+constexpr double kGainPower = 0.5;
 
 double pixels_of(const JobSpec& spec) { return static_cast<double>(spec.image.width) * spec.image.height; }
 
@@ -32,9 +43,16 @@ double delta_part(const Pilot& pilot) {
   return hidden > 0.0 ? std::min(1.0, pilot.delta_flux / hidden) : 0.0;
 }
 
+/// Of a pass's eye samples, without what they ask the photons.
 double eye_pass(const JobSpec& spec, const Pilot& pilot, int light_samples) {
-  return pixels_of(spec) *
-         (pilot.eye_rays + kLightRay * pilot.light_rays * (light_samples - 1) + kGather * pilot.gathers);
+  return pixels_of(spec) * (kEyeRay * pilot.eye_rays + kLightRay * pilot.light_rays * (light_samples - 1));
+}
+
+double gather_pass(const JobSpec& spec, const Pilot& pilot) { return pixels_of(spec) * kGather * pilot.gathers; }
+
+/// A photon path with its photons.
+double path_work(const Pilot& pilot) {
+  return kPhotonRay * pilot.photon_rays + kStoredPhoton * (pilot.stored[kCaustic] + pilot.stored[kIndirect]);
 }
 
 /// Noise of direct light with so many samples of lamps at a point: between what the pilot saw with one and with
@@ -43,72 +61,70 @@ double direct_noise(const Pilot& pilot, int light_samples) {
   return pilot.direct_noise * std::pow(pilot.light_noise_left, std::log(light_samples) / std::log(kPilotLightSamples));
 }
 
-/// Of choices in ascending order the first whose work is within this factor of the least: fewer photons or samples mean
+/// Of choices in ascending order the first whose work is within kAsGood of the least: fewer photons or samples mean
 /// more passes, and a sooner first look.
+constexpr double kAsGood = 1.03;
 template <typename Choices, typename Work>
-auto first_as_good(const Choices& choices, double as_good, const Work& work_of) {
+auto first_as_good(const Choices& choices, const Work& work_of) {
   double least = std::numeric_limits<double>::infinity();
   for (const auto& choice : choices) least = std::min(least, work_of(choice));
-  return *std::ranges::find_if(choices, [&](const auto& choice) { return work_of(choice) <= as_good * least; });
+  return *std::ranges::find_if(choices, [&](const auto& choice) { return work_of(choice) <= kAsGood * least; });
 }
 
-/// What a pass of sppm does.
-struct SppmChoice {
-  std::int64_t paths = 0;
-  int light_samples = 1;
-  bool guided = false;
-};
-
-/// First discs hold photons in proportion to paths^(2/3), so that errors fall likewise.
 Forecast sppm_of(const JobSpec& spec, const Pilot& pilot, const SppmChoice& choice) {
-  const double more = static_cast<double>(choice.paths) / static_cast<double>(photon_paths(spec));
+  const double more = static_cast<double>(choice.photons) / static_cast<double>(photon_paths(spec));
   Forecast f;
   f.fast = direct_noise(pilot, choice.light_samples);
   f.power = pilot.direct_power();
   for (const Flow flow : {kCaustic, kIndirect})
-    f.slow += kErrorOverNoise[flow] * pilot.photon_noise[flow] / std::pow(more, 2.0 / 3.0);
-  double rays = pilot.photon_rays;
+    f.slow += kErrorOverNoise[flow] * pilot.photon_noise[flow] / std::pow(more, kPathsPower);
+  double path = path_work(pilot);
   if (choice.guided) {
-    f.slow /= pilot.emission.gain;
-    rays = pilot.emission.rays_per_path;
+    f.slow *= std::pow(pilot.emission.gain, -kGainPower);
+    path = kGuidedRay * std::max(pilot.emission.rays_per_path, pilot.photon_rays);
   }
-  f.pass = kPhotonRay * static_cast<double>(choice.paths) * rays + eye_pass(spec, pilot, choice.light_samples);
+  f.pass = static_cast<double>(choice.photons) * path + eye_pass(spec, pilot, choice.light_samples) +
+           gather_pass(spec, pilot);
   f.setup = f.pass;  // the first radii look at one sub-pass more
   return f;
 }
 
-/// Unguided: what a guide saves is not known so well that fewer photons could be risked.
-double unguided_work(const JobSpec& spec, const Pilot& pilot, std::int64_t paths, int light_samples) {
-  return sppm_of(spec, pilot, {paths, light_samples, false}).judged_work();
+/// Photon paths of a pass of sppm: the job's, or so many a pixel and not fewer than that. Error at equal time over that
+/// of the best of 1, 2, 4, 8 and 16 a pixel: at most 1.3 on the example scenes (tests/bench/PLANNER.md).
+std::int64_t planned_photons(const JobSpec& spec) {
+  constexpr std::int64_t kOfAPixel = 4, kFewest = 50'000;
+  if (spec.integrator.photons > 0) return spec.integrator.photons;
+  return std::clamp(kOfAPixel * spec.image.width * spec.image.height, kFewest, kMostPhotonPaths);
 }
 
-/// Photon paths of a pass that sppm chooses among: the job's, or 1, 2, 4 ... 32 a pixel.
-std::vector<std::int64_t> choices_of_photons(const JobSpec& spec) {
-  if (spec.integrator.photons > 0) return {spec.integrator.photons};
-  std::vector<std::int64_t> choices;
-  for (int a_pixel = 1; a_pixel <= 32; a_pixel *= 2) {
-    choices.push_back(
-        std::clamp(std::int64_t{a_pixel} * spec.image.width * spec.image.height, kFewestPhotonPaths, kMostPhotonPaths));
-  }
+std::vector<int> choices_of_light_samples(const JobSpec& spec, int most) {
+  if (spec.integrator.light_samples > 0) return {spec.integrator.light_samples};
+  std::vector<int> choices;
+  for (int samples = 1; samples <= most; samples *= 2) choices.push_back(samples);
   return choices;
 }
 
-/// As sppm is planned, guided or not.
-SppmChoice planned_sppm(const JobSpec& spec, const Pilot& pilot, bool guided) {
-  return {plan_photons(spec, pilot), plan_light_samples(spec, pilot, IntegratorType::kSppm), guided};
+/// Guided or not, with the samples of direct light that are soonest at an image that is kept.
+SppmChoice best_sppm(const JobSpec& spec, const Pilot& pilot, bool guided) {
+  constexpr int kMostBesidePhotons = 4;  // 8 were no better anywhere
+  SppmChoice choice{planned_photons(spec), 1, guided};
+  choice.light_samples = first_as_good(choices_of_light_samples(spec, kMostBesidePhotons), [&](int samples) {
+    return sppm_of(spec, pilot, {choice.photons, samples, guided}).work_to(kFineTarget);
+  });
+  return choice;
 }
 
 /// Work of learn_emission().
 double work_of_lessons(const JobSpec& spec, const Pilot& pilot) {
   const auto paths = static_cast<double>(std::min(photon_paths(spec), kMostLessonPaths));
   const double places = std::min<double>(pixels_of(spec), kEmissionPixels);
-  return kEmissionLessons * (kPhotonRay * paths * pilot.photon_rays + kGather * places * pilot.gathers) +
-         places * pilot.eye_rays;
+  return kEmissionLessons * (path_work(pilot) * paths + kGather * places * pilot.gathers) +
+         places * kEyeRay * pilot.eye_rays;
 }
 
-/// Guided photons must not be foretold to take more than this part of the work: they all come to where the eye looks
-/// and cost up to 1.45 times as much to sort and gather, which the forecast leaves out.
-constexpr double kMostWork = 0.65;
+/// Guided photons must not be foretold to take more than this part of the work: what a guide gains is not known so
+/// well.
+constexpr double kMostWork = 0.85;
 
 }  // namespace
 
@@ -132,25 +148,28 @@ double Forecast::work_to(double target) const { return setup + passes_to(target)
 
 double Forecast::judged_work() const { return std::sqrt(work_to(kPlanTarget) * work_to(kFineTarget)); }
 
-bool guides_emission(const JobSpec& spec, const Pilot& pilot) {
-  if (spec.integrator.guide_emission != Switch::kAuto) return spec.integrator.guide_emission == Switch::kOn;
+SppmChoice plan_sppm(const JobSpec& spec, const Pilot& pilot) {
+  const SppmChoice unguided = best_sppm(spec, pilot, false);
+  if (spec.integrator.guide_emission == Switch::kOff) return unguided;
+  const SppmChoice guided = best_sppm(spec, pilot, true);
+  if (spec.integrator.guide_emission == Switch::kOn) return guided;
   // Below, the pilot's own noise could be all there is.
   constexpr double kLeastGain = 1.5;
-  if (pilot.emission.gain < kLeastGain) return false;
-  return sppm_of(spec, pilot, planned_sppm(spec, pilot, true)).judged_work() <=
-         kMostWork * sppm_of(spec, pilot, planned_sppm(spec, pilot, false)).judged_work();
+  const auto work = [&](const SppmChoice& choice) { return sppm_of(spec, pilot, choice).work_to(kFineTarget); };
+  const bool pays = pilot.emission.gain >= kLeastGain && work(guided) <= kMostWork * work(unguided);
+  return pays ? guided : unguided;
 }
 
 bool guide_could_pay(const JobSpec& spec, const Pilot& pilot) {
   if (spec.integrator.guide_emission == Switch::kOn) return true;
-  const Forecast unguided = sppm_of(spec, pilot, planned_sppm(spec, pilot, false));
+  const Forecast unguided = sppm_of(spec, pilot, best_sppm(spec, pilot, false));
   Forecast best = unguided;  // no noise of photons at all
   best.slow = 0;
   const double lessons = work_of_lessons(spec, pilot);
   best.setup += lessons;
   constexpr double kMostLessons = 0.25;  // of the work to a first good look, which lessons put off
   return lessons <= kMostLessons * unguided.work_to(kPlanTarget) &&
-         best.judged_work() <= kMostWork * unguided.judged_work();
+         best.work_to(kFineTarget) <= kMostWork * unguided.work_to(kFineTarget);
 }
 
 Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
@@ -166,33 +185,15 @@ Forecast forecast_path(const JobSpec& spec, const Pilot& pilot) {
   return f;
 }
 
-Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) {
-  return sppm_of(spec, pilot, planned_sppm(spec, pilot, guides_emission(spec, pilot)));
-}
+Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot) { return sppm_of(spec, pilot, plan_sppm(spec, pilot)); }
 
 int plan_light_samples(const JobSpec& spec, const Pilot& pilot, IntegratorType method) {
   if (method == IntegratorType::kPath) return 1;
-  if (spec.integrator.light_samples > 0) return spec.integrator.light_samples;
-  constexpr std::array kChoices{1, 2, 4, 8};
-  constexpr double kAsGood = 1.03;
-  if (method == IntegratorType::kSppm || method == IntegratorType::kPpm) {
-    return first_as_good(kChoices, kAsGood, [&](int samples) {
-      double least = std::numeric_limits<double>::infinity();
-      for (const std::int64_t paths : choices_of_photons(spec))
-        least = std::min(least, unguided_work(spec, pilot, paths, samples));
-      return least;
-    });
-  }
-  return first_as_good(kChoices, kAsGood, [&](int samples) {
-    return std::pow(direct_noise(pilot, samples), 1.0 / pilot.direct_power()) * eye_pass(spec, pilot, samples);
+  if (method == IntegratorType::kSppm || method == IntegratorType::kPpm) return plan_sppm(spec, pilot).light_samples;
+  return first_as_good(choices_of_light_samples(spec, 8), [&](int samples) {
+    return std::pow(direct_noise(pilot, samples), 1.0 / pilot.direct_power()) *
+           (eye_pass(spec, pilot, samples) + pixels_of(spec) * kInterpolate * pilot.gathers);
   });
-}
-
-std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot) {
-  const int light_samples = plan_light_samples(spec, pilot, IntegratorType::kSppm);
-  constexpr double kAsGood = 1.1;
-  return first_as_good(choices_of_photons(spec), kAsGood,
-                       [&](std::int64_t paths) { return unguided_work(spec, pilot, paths, light_samples); });
 }
 
 Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {
@@ -205,11 +206,11 @@ Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot) {
   // The pilot's estimate is of other discs; both hold photons in proportion to paths^(2/3).
   const double more = std::pow(static_cast<double>(photon_paths(spec)) / paths, 2.0 / 3.0);
   f.floor = kInterpolated * more * (pilot.photon_noise[kCaustic] + pilot.photon_noise[kIndirect]);
-  f.pass = eye_pass(spec, pilot, light_samples);
+  f.pass = eye_pass(spec, pilot, light_samples) + pixels_of(spec) * kInterpolate * pilot.gathers;
   const double full_records =  // of so many rays as irradiance_cache.rays
       kRecords * std::pow(pixels_of(spec) / kRecordsPixels, kRecordsPower) * pixels_of(spec) * pilot.diffuse;
   const auto caustic_paths = pilot.stored[kCaustic] > 0.0 ? static_cast<double>(spec.photon_map.caustic_photons) : 0.0;
-  f.setup = kPhotonRay * pilot.photon_rays * (paths + caustic_paths) + full_records * spec.irradiance_cache.rays;
+  f.setup = path_work(pilot) * (paths + caustic_paths) + full_records * spec.irradiance_cache.rays;
   return f;
 }
 

@@ -22,7 +22,7 @@ struct Forecast {
   /// Least passes after which the error is at most `target`; infinite when it never is.
   [[nodiscard]] double passes_to(double target) const;
   [[nodiscard]] double work_to(double target) const;
-  /// What methods and photons of a pass are chosen by: geometric mean of the work to kPlanTarget and to kFineTarget.
+  /// What methods are chosen by: geometric mean of the work to kPlanTarget and to kFineTarget.
   [[nodiscard]] double judged_work() const;
 };
 
@@ -32,23 +32,26 @@ inline constexpr double kPlanTarget = 0.01, kFineTarget = 0.001;
 /// Around kPlanTarget the forecast of an error is right within this factor both ways on the example scenes.
 inline constexpr double kForecastFactor = 3.0;
 
-/// Whether photons of ppm and sppm are to start where the pilot learned that it matters: where that leaves at most two
-/// thirds of their noise and saves sppm a third of the judged work, or where the job says so.
-[[nodiscard]] bool guides_emission(const JobSpec& spec, const Pilot& pilot);
-/// Whether a guide could save a third of the judged work if it left no noise of photons at all, lessons included,
-/// and these are short against the work to a first good look; or the job asks for one.
+/// What a pass of sppm does.
+struct SppmChoice {
+  std::int64_t photons = 0;  ///< paths
+  int light_samples = 1;     ///< of direct light at a point that the eye sees
+  bool guided = false;       ///< photons start where the pilot learned that it matters
+};
+/// The job's, or 4 photon paths a pixel and of 1, 2 or 4 samples of direct light what takes the least work to
+/// kFineTarget, the fewest of those within 3 %; guided where the pilot's guide is foretold to save a sixth of that
+/// work.
+[[nodiscard]] SppmChoice plan_sppm(const JobSpec& spec, const Pilot& pilot);
+/// Whether a guide could save a sixth of the work to kFineTarget if it left no noise of photons at all, lessons
+/// included, and these are short against the work to a first good look; or the job asks for one.
 [[nodiscard]] bool guide_could_pay(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_path(const JobSpec& spec, const Pilot& pilot);
-/// Of sppm with plan_photons().
+/// With plan_sppm().
 [[nodiscard]] Forecast forecast_sppm(const JobSpec& spec, const Pilot& pilot);
-/// Samples of direct light at a point that the eye sees: the job's, or of 1, 2, 4 and 8 the fewest that take no more
-/// than 3 % over the least: of judged work by sppm for `method` sppm or ppm, of the work that the eye's noise takes for
-/// the other methods. One for path tracing.
+/// Samples of direct light at a point that the eye sees: one for path tracing, those of plan_sppm() for sppm and ppm,
+/// for other methods the job's, or of 1, 2, 4 and 8 the fewest that take no more than 3 % over the least of the work
+/// that the eye's noise takes.
 [[nodiscard]] int plan_light_samples(const JobSpec& spec, const Pilot& pilot, IntegratorType method);
-/// Photon paths of a pass of sppm: the job's, or of 1, 2, 4 ... 32 a pixel the fewest that take no more than a tenth
-/// over the least judged work, unguided: what a guide saves is not known so well that fewer could be risked. Few where
-/// the eye's own noise rules, many where few photons reach what is seen.
-[[nodiscard]] std::int64_t plan_photons(const JobSpec& spec, const Pilot& pilot);
 [[nodiscard]] Forecast forecast_irradiance_cache(const JobSpec& spec, const Pilot& pilot);
 
 }  // namespace pf

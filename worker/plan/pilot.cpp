@@ -60,22 +60,41 @@ struct PilotMaps {
   std::array<MapEstimate, kFlows> of;
 };
 
+/// Traces batches of kPilotPhotons until they stored enough.
+std::vector<PhotonBatch> trace_batches(const PhotonTracer& tracer, Pilot& pilot) {
+  std::vector<PhotonBatch> batches;
+  std::size_t stored = 0;
+  std::uint64_t rays = 0, lost = 0;
+  while (batches.size() < kMostPilotBatches && stored < kPilotStored) {
+    const PhotonBatch& batch = batches.emplace_back(tracer.trace(batches.size()));
+    for (const Photons& flow : batch.flows) stored += flow.size();
+    rays += batch.rays;
+    lost += batch.lost;
+  }
+  pilot.photon_paths = kPilotPhotons * static_cast<std::uint32_t>(batches.size());
+  pilot.lost = static_cast<double>(lost) / pilot.photon_paths;
+  pilot.photon_rays = static_cast<double>(rays) / pilot.photon_paths;
+  return batches;
+}
+
 PilotMaps trace_photons(const Scene& scene, const JobSpec& spec, Pilot& pilot) {
   PhotonOptions options;
   options.seed = kSeed;
   options.paths = kPilotPhotons;
   options.max_depth = spec.integrator.max_depth;
   const PhotonTracer tracer(scene, options);
-  const PhotonBatch batch = tracer.trace(0);
+  const std::vector<PhotonBatch> batches = trace_batches(tracer, pilot);
   PilotMaps maps;
-  pilot.photon_paths = kPilotPhotons;
-  pilot.lost = static_cast<double>(batch.lost) / kPilotPhotons;
-  pilot.photon_rays = static_cast<double>(batch.rays) / kPilotPhotons;
   for (const Flow flow : {kCaustic, kIndirect}) {
-    pilot.stored[flow] = static_cast<double>(batch.flows[flow].size()) / kPilotPhotons;
-    const Photons* arrays[] = {&batch.flows[flow]};
-    maps.of[flow] =
-        MapEstimate(scene, arrays, tracer.flux_unit(), {.nearest = kNearest, .filter = PhotonFilter::kDisc});
+    std::vector<const Photons*> arrays;
+    std::size_t stored = 0;
+    for (const PhotonBatch& batch : batches) {
+      arrays.push_back(&batch.flows[flow]);
+      stored += batch.flows[flow].size();
+    }
+    pilot.stored[flow] = static_cast<double>(stored) / pilot.photon_paths;
+    maps.of[flow] = MapEstimate(scene, arrays, tracer.flux_unit() / static_cast<double>(batches.size()),
+                                {.nearest = kNearest, .filter = PhotonFilter::kDisc});
   }
   return maps;
 }
@@ -106,6 +125,7 @@ struct PilotSink {
   const Eye& eye;
   const PilotMaps& maps;
   PixelFindings& found;
+  double paths = 0;     ///< of the photons in the maps
   bool asks = false;    ///< this sample asks the photons
   double radiance = 0;  ///< of this sample: what photon mapping samples from the eye
   double many = 0;      ///< the same with kPilotLightSamples of lamps at each point, where it asks
@@ -161,7 +181,7 @@ struct PilotSink {
       map.photons().nearest({vertex.point.position, vertex.bsdf.ng(), reach * reach, kNearest, false}, answer);
       const double area = static_cast<double>(kPi * answer.radius2);
       if (light <= 0.0 || area <= 0.0) continue;
-      found.density[flow] += light * static_cast<double>(answer.count) / (area * kPilotPhotons);
+      found.density[flow] += light * static_cast<double>(answer.count) / (area * paths);
       found.footprint[flow] += light * static_cast<double>(eye.camera().footprint(walk.distance));
       found.weight[flow] += light;
     }
@@ -195,12 +215,12 @@ struct Grid {
 };
 
 PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& paths, const PilotMaps& maps,
-                   int max_depth, int x, int y) {
+                   double photon_paths, int max_depth, int x, int y) {
   PixelFindings found;
   const EyePaths eye_paths(scene, eye, max_depth);
   const SumScale scale = paths.film_options().scale;
   for (int s = 0; s < kPilotSamples; ++s) {
-    PilotSink sink{scene, eye, maps, found, s < kGatherSamples};
+    PilotSink sink{scene, eye, maps, found, photon_paths, s < kGatherSamples};
     eye_paths.follow(x, y, static_cast<std::uint64_t>(s), sink);
     found.direct += sink.radiance;
     found.direct_square += sink.radiance * sink.radiance;
@@ -234,12 +254,13 @@ PixelFindings look(const Scene& scene, const Eye& eye, const PathIntegrator& pat
   return found;
 }
 
-/// Photons that a first disc holds where `density` photons of a path lie on a square metre.
-double photons_in_disc(const RadiusRule& rule, double density, double footprint, double paths) {
-  const double wanted = wanted_photons(rule, paths);
-  const double of_footprint = density * paths * static_cast<double>(kPi) * footprint * footprint;
-  return std::max(1.0, std::clamp(wanted, of_footprint * rule.min_footprints * rule.min_footprints,
-                                  of_footprint * rule.max_footprints * rule.max_footprints));
+/// Photons that a first disc holds, in the mean, where `density` of them lie on a square metre: below 1 where most
+/// discs are empty.
+double photons_in_disc(const RadiusRule& rule, double density, double footprint, float scene_radius, double paths) {
+  const RadiusBounds bounds = radius_bounds(rule, static_cast<float>(footprint), scene_radius);
+  const auto held = [&](float radius) { return density * double{kPi} * double{radius} * double{radius}; };
+  constexpr double kFewest = 0.01;  // of a disc without size
+  return std::max(kFewest, std::clamp(wanted_photons(rule, paths), held(bounds.smallest), held(bounds.largest)));
 }
 
 /// Of `count` values with this mean.
@@ -253,7 +274,7 @@ struct LightNoise {
   double asked = 0, many = 0;
 };
 
-void add_pixel(const PixelFindings& found, double paths, Pilot& pilot, LightNoise& noise) {
+void add_pixel(const PixelFindings& found, float scene_radius, double paths, Pilot& pilot, LightNoise& noise) {
   pilot.nothing += found.nothing / kPilotSamples;
   pilot.diffuse += found.diffuse / kPilotSamples;
   pilot.glossy += found.glossy / kPilotSamples;
@@ -285,8 +306,8 @@ void add_pixel(const PixelFindings& found, double paths, Pilot& pilot, LightNois
   pilot.indirect_square += scale * light[kIndirect] * light[kIndirect];
   for (const Flow flow : {kCaustic, kIndirect}) {
     if (found.weight[flow] <= 0.0) continue;
-    const double photons = photons_in_disc(kRadiusRules[flow], found.density[flow] / found.weight[flow],
-                                           found.footprint[flow] / found.weight[flow], paths);
+    const double photons = photons_in_disc(kRadiusRules[flow], paths * found.density[flow] / found.weight[flow],
+                                           found.footprint[flow] / found.weight[flow], scene_radius, paths);
     pilot.photon_noise[flow] += scale * light[flow] * light[flow] / photons;
   }
 }
@@ -334,12 +355,14 @@ Pilot fly_pilot(const Scene& scene, const Camera& camera, const JobSpec& spec) {
   const PathIntegrator paths(scene, camera, own);
   std::vector<PixelFindings> found(grid.size());
   parallel_for(found.size(), [&](std::size_t i) {
-    found[i] = look(scene, eye, paths, maps, spec.integrator.max_depth, grid.x(i), grid.y(i));
+    found[i] = look(scene, eye, paths, maps, pilot.photon_paths, spec.integrator.max_depth, grid.x(i), grid.y(i));
   });
   pilot.pixels = static_cast<std::uint32_t>(found.size());
   pilot.samples = kPilotSamples;
   LightNoise noise;
-  for (const PixelFindings& pixel : found) add_pixel(pixel, static_cast<double>(photon_paths(spec)), pilot, noise);
+  const float scene_radius = 0.5f * length(scene.bounds().size());
+  for (const PixelFindings& pixel : found)
+    add_pixel(pixel, scene_radius, static_cast<double>(photon_paths(spec)), pilot, noise);
   if (noise.asked > 0.0) pilot.light_noise_left = std::min(1.0, noise.many / noise.asked);
   const double share = 1.0 / static_cast<double>(found.size());
   for (double* mean : {&pilot.nothing,

@@ -65,8 +65,9 @@ struct Pilot {
   [[nodiscard]] double direct_power() const;
 };
 
-/// Photon paths that are traced.
+/// Photon paths of a batch; batches are traced until so many photons are stored, where few reach a surface.
 inline constexpr std::uint32_t kPilotPhotons = 16384;
+inline constexpr std::size_t kPilotStored = 4096, kMostPilotBatches = 8;
 /// Pixels that are looked at, on a grid over the image, and eye samples of each.
 inline constexpr int kPilotPixels = 384, kPilotSamples = 16;
 /// Samples of direct light that some eye samples take besides at each of their points, stratified.

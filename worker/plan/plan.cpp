@@ -126,14 +126,14 @@ bool keeps_maps(IntegratorType type) {
 
 void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
   if (plan.algorithm == IntegratorType::kPath) return;
-  if (plan.algorithm == IntegratorType::kSppm) plan.photons = plan_photons(spec, pilot);
+  if (plan.algorithm == IntegratorType::kSppm) plan.photons = plan_sppm(spec, pilot).photons;
   const std::int64_t paths = photon_paths(plan.resolve(spec));
   const double pixels = static_cast<double>(spec.image.width) * spec.image.height;
   std::string reason = fmt::format("{:.2g} a pixel", static_cast<double>(paths) / pixels);
   if (plan.photons > 0) {
     reason += fmt::format(
-        ", the fastest to relMSE {} and {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
-        kPlanTarget, kFineTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
+        ", the fastest to relMSE {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
+        kFineTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
   }
   if (keeps_maps(plan.algorithm)) reason = "as many as a map wants that is made once";
   if (spec.integrator.photons > 0) reason = "the job asks for them (integrator.photons)";
@@ -166,7 +166,7 @@ void decide_photon_terms(const JobSpec& spec, const SceneFacts& facts, const Pil
   const std::string gain = fmt::format("{} paths taught a guide whose photons bring {:.2g} times less noise",
                                        pilot.emission.paths, pilot.emission.gain);
   decide(plan, plan.guided_emission, {"guided emission", "integrator.guide_emission", spec.integrator.guide_emission},
-         progressive, guides_emission(spec, pilot), gain, gain);
+         progressive, plan_sppm(spec, pilot).guided, gain, gain);
   const std::string lost = fmt::format("{:.3g} % of the photons meet nothing", 100.0 * pilot.lost);
   const bool aimed = plan.caustic_map;
   decide(plan, plan.projection_map, {"projection map", "photon_map.projection_map", spec.photon_map.projection_map},

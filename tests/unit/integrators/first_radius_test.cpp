@@ -43,6 +43,16 @@ double widened(Flux flux, double fixed = 0) {
   return wide / double{kFloors};
 }
 
+TEST(FirstRadius, LiesWithinFootprintsAndAPartOfTheScene) {
+  const RadiusRule rule{400.0f, 1.0f, 16.0f};
+  const RadiusBounds near = radius_bounds(rule, 0.01f, 10.0f);
+  EXPECT_FLOAT_EQ(near.smallest, 0.01f);
+  EXPECT_FLOAT_EQ(near.largest, 0.16f);
+  const RadiusBounds far = radius_bounds(rule, 1.0f, 10.0f);
+  EXPECT_FLOAT_EQ(far.largest, 0.5f);
+  EXPECT_FLOAT_EQ(far.smallest, far.largest);
+}
+
 TEST(FirstRadius, IsWidenedWhereLightIsTheSameOrRisesEvenly) {
   // Chance keeps 0.012 of them narrow, beyond 2.5 standard deviations.
   EXPECT_NEAR(widened([](const Vec2f&) { return 1.0f; }), 0.988, 0.02);

@@ -59,17 +59,15 @@ TEST(Forecast, MorePhotonsMakeAPassDearerInProportion) {
   EXPECT_DOUBLE_EQ(forecast_sppm(job(64, 48, IntegratorType::kSppm, 30000), pilot).pass, 3 * one);
 }
 
-TEST(Forecast, PlansFewPhotonsWhereTheEyesNoiseRulesAndManyWhereTheirsDoes) {
-  const JobSpec spec = job(640, 480, IntegratorType::kAuto, 0);
-  Pilot pilot;
-  pilot.photon_rays = pilot.eye_rays = 2;
-  pilot.direct_noise = 0.1;
-  pilot.photon_noise[kIndirect] = 1e-4;
-  EXPECT_EQ(plan_photons(spec, pilot), 640 * 480);
-  pilot.direct_noise = 1e-4;
-  pilot.photon_noise[kIndirect] = 1;
-  EXPECT_EQ(plan_photons(spec, pilot), kMostPhotonPaths);
-  EXPECT_EQ(plan_photons(job(640, 480, IntegratorType::kAuto, 1234), pilot), 1234);
+TEST(Forecast, PlansPhotonsByPixelsWithinBounds) {
+  const Pilot pilot;
+  const auto photons = [&](int width, int height, std::int64_t asked = 0) {
+    return plan_sppm(job(width, height, IntegratorType::kAuto, asked), pilot).photons;
+  };
+  EXPECT_EQ(photons(320, 240), 4 * 320 * 240);
+  EXPECT_EQ(photons(16, 16), 50'000);
+  EXPECT_EQ(photons(1920, 1080), kMostPhotonPaths);
+  EXPECT_EQ(photons(320, 240, 1234), 1234);
 }
 
 }  // namespace

@@ -48,6 +48,13 @@ TEST(Pilot, CountsPhotonsThatMeetNothing) {
   EXPECT_NEAR(flown(maker).lost, 1 - seen, 0.02);
 }
 
+TEST(Pilot, TracesMorePhotonsWhereFewReachASurface) {
+  SceneMaker open = bare_floor();
+  open.point_light({0, 1, 0}, 1);  // photons of the second hit on are stored: few, as no wall sends them back
+  EXPECT_EQ(flown(open).photon_paths, kMostPilotBatches * kPilotPhotons);
+  EXPECT_EQ(flown(diffuse_box()).photon_paths, kPilotPhotons);
+}
+
 TEST(Pilot, SeesThatALampWithoutSizeMakesCausticsThatPathsMiss) {
   SceneMaker maker = bare_floor();
   maker.sphere({0, 1, 0}, 0.4f, maker.glass(1.5f), 32);
