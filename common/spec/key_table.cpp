@@ -152,7 +152,7 @@ constexpr std::array kKeys = {
         "ppm and sppm: shared statistics with growing rounds, or independent passes.",
         choice<kIntegrator, &S::Integrator::mode>(kModes)},
     Key{"integrator", "photons", kOptional, kDecides, "paths",
-        "Photon paths of a sub-pass; 0: from 10000 to 2000000, two a pixel or for sppm what the planner finds best, "
+        "Photon paths of a sub-pass; 0: from 10000 to 2000000, two a pixel or for sppm four and not fewer than 50000, "
         "and 500000 for "
         "photon_map, final_gather and irradiance_cache.",
         integer<kIntegrator, &S::Integrator::photons>(0, kMax32)},

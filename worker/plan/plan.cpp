@@ -131,9 +131,8 @@ void decide_photons(const JobSpec& spec, const Pilot& pilot, Plan& plan) {
   const double pixels = static_cast<double>(spec.image.width) * spec.image.height;
   std::string reason = fmt::format("{:.2g} a pixel", static_cast<double>(paths) / pixels);
   if (plan.photons > 0) {
-    reason += fmt::format(
-        ", the fastest to relMSE {}: the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
-        kFineTarget, pilot.direct_noise, forecast_sppm(spec, pilot).slow);
+    reason += fmt::format("; the eye's own noise is {:.2g}, that of photons {:.2g} in the first pass",
+                          pilot.direct_noise, forecast_sppm(spec, pilot).slow);
   }
   if (keeps_maps(plan.algorithm)) reason = "as many as a map wants that is made once";
   if (spec.integrator.photons > 0) reason = "the job asks for them (integrator.photons)";
