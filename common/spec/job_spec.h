@@ -72,7 +72,7 @@ struct JobSpec {
     int rays = 256;           ///< of one hemisphere
     double importance = 0.5;  ///< part of them that is sampled from the photon map
     bool precompute = true;   ///< irradiance at photons
-    double error = 0.1;       ///< bound on the relative error of interpolation; 0: gather at every sample
+    double error = 0.2;       ///< bound on the relative error of interpolation; 0: gather at every sample
   } final_gather;
   struct IrradianceCache {
     double error = 0.4;          ///< a of [Ward 1988]; smaller: more records

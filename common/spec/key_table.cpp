@@ -169,7 +169,8 @@ constexpr std::array kKeys = {
     Key{"integrator", "max_depth", kOptional, kDecides, "bounces", "Longest path; 0: ended by Russian roulette alone.",
         integer<kIntegrator, &S::Integrator::max_depth>(0, 65535)},
     Key{"integrator", "guide_emission", kOptional, kDecides, "",
-        "ppm, sppm: photons start where a pilot found that it matters; auto: where that saves a third of their noise.",
+        "ppm, sppm: photons start where a pilot found that it matters; auto: where that is foretold to save a sixth of "
+        "the work.",
         choice<kIntegrator, &S::Integrator::guide_emission>(kSwitches)},
     Key{"integrator", "light_samples", kOptional, kDecides, "samples",
         "Samples of direct light at each point that the eye sees, spread over the lamps; 0: 1 to 8, by what a pilot "

@@ -37,7 +37,7 @@ if(PHOTONFARM_FUZZ)
     message(FATAL_ERROR "PHOTONFARM_FUZZ needs clang: -DCMAKE_CXX_COMPILER=clang++")
   endif()
   # g++ is the compiler that warnings are kept clean for; clang only has to instrument.
-  target_compile_options(pf_options INTERFACE -fsanitize=fuzzer-no-link -Wno-error)
+  target_compile_options(pf_options INTERFACE -Wno-error)
 endif()
 if(PHOTONFARM_TIDY)
   find_program(PHOTONFARM_CLANG_TIDY clang-tidy REQUIRED)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "common/base/parallel.h"
 #include "common/math/distribution.h"
@@ -21,6 +22,10 @@ Vec2f numbers_of(const Vec3f& d) {
   const float turn = std::atan2(d.y, d.x) * (0.5f * kInvPi);
   return {std::min(d.x * d.x + d.y * d.y, kOneMinusEpsilon),
           std::clamp(turn < 0.0f ? turn + 1.0f : turn, 0.0f, kOneMinusEpsilon)};
+}
+
+std::array<std::pair<int, int>, 4> square_corners(int x, int y, int edge) {
+  return {{{x, y}, {x + edge, y}, {x, y + edge}, {x + edge, y + edge}}};
 }
 
 /// Bound of the relative change of irradiance between a gather point and another at this distance, whose
@@ -136,48 +141,85 @@ const GatherPoints::Part& GatherPoints::part_of(int x, int y) const {
                 static_cast<std::size_t>(x / edge_)];
 }
 
-GatherPoint GatherPoints::make_point(int x, int y, TileFigures& figures) const {
+std::optional<Vertex> GatherPoints::look(int x, int y, TileFigures& figures) const {
   // The pinhole's ray through the corner, whatever the lens does: points are for many samples.
   const auto ray = eye_.camera().ray({static_cast<float>(x), static_cast<float>(y)}, {0.5f, 0.5f});
   ++figures.rays;
   const auto hit = scene_.intersect({ray.origin, ray.direction});
-  if (!hit) return {};
-  const Vertex vertex(scene_, *hit, -ray.direction, eye_.media());
-  if (!vertex.bsdf.gather_is_lambert() || is_zero(vertex.bsdf.lambert_f())) return {};
-  PathRng rng(seed_, Stream::kIrradiance, static_cast<std::uint64_t>(y), static_cast<std::uint32_t>(x));
-  return gather_.at(vertex, eye_.media(), rays_, rng, figures);
+  if (!hit) return std::nullopt;
+  Vertex vertex(scene_, *hit, -ray.direction, eye_.media());
+  if (!vertex.bsdf.gather_is_lambert() || is_zero(vertex.bsdf.lambert_f())) return std::nullopt;
+  return vertex;
 }
 
-/// Makes the points of corners that have none yet.
-void GatherPoints::make_points(Part& part, const std::vector<std::pair<int, int>>& corners) const {
+void GatherPoints::look_at(Part& part, const std::vector<Square>& squares, int edge) const {
   const std::size_t first = part.points.size();
-  std::vector<std::pair<int, int>> wanted;
-  for (const auto& [x, y] : corners) {
-    std::int32_t& number = part.corner[part.index(x, y)];
-    if (number >= 0) continue;
-    number = static_cast<std::int32_t>(first + wanted.size());
-    wanted.emplace_back(x, y);
+  std::vector<Square> wanted;
+  for (const auto& [x, y] : squares) {
+    for (const auto& [cx, cy] : square_corners(x, y, edge)) {
+      std::int32_t& number = part.corner[part.index(cx, cy)];
+      if (number >= 0) continue;
+      number = static_cast<std::int32_t>(first + wanted.size());
+      wanted.emplace_back(cx, cy);
+    }
   }
   part.points.resize(first + wanted.size());
   std::vector<TileFigures> figures(wanted.size());
   parallel_for(wanted.size(), [&](std::size_t i) {
-    part.points[first + i] = make_point(wanted[i].first, wanted[i].second, figures[i]);
+    const auto vertex = look(wanted[i].first, wanted[i].second, figures[i]);
+    if (!vertex) return;
+    GatherPoint& point = part.points[first + i];
+    point.valid = true;
+    point.position = vertex->point.position;
+    point.ns = vertex->bsdf.ns();
+    point.ng = vertex->bsdf.ng();
   });
   for (const TileFigures& f : figures) part.figures += f;
 }
 
-bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const {
-  const std::array<const GatherPoint*, 4> corners{&part.at(x, y), &part.at(x + edge, y), &part.at(x, y + edge),
-                                                  &part.at(x + edge, y + edge)};
+void GatherPoints::gather_at(Part& part, const std::vector<Square>& squares, int edge) const {
+  std::vector<Square> wanted;
+  for (const auto& [x, y] : squares) {
+    for (const auto& [cx, cy] : square_corners(x, y, edge)) {
+      GatherPoint& point = part.points[static_cast<std::size_t>(part.corner[part.index(cx, cy)])];
+      if (!point.gathered) wanted.emplace_back(cx, cy);
+      point.gathered = true;
+    }
+  }
+  std::vector<TileFigures> figures(wanted.size());
+  parallel_for(wanted.size(), [&](std::size_t i) {
+    const auto [x, y] = wanted[i];
+    const auto vertex = look(x, y, figures[i]);
+    if (!vertex) return;  // never: the first look saw it
+    PathRng rng(seed_, Stream::kIrradiance, static_cast<std::uint64_t>(y), static_cast<std::uint32_t>(x));
+    GatherPoint& point = part.points[static_cast<std::size_t>(part.corner[part.index(x, y)])];
+    point = gather_.at(*vertex, eye_.media(), rays_, rng, figures[i]);
+    point.gathered = true;
+  });
+  for (const TileFigures& f : figures) part.figures += f;
+}
+
+bool GatherPoints::on_one_surface(const Part& part, const Square& square, int edge) {
+  const auto corners = part.corners_of(square.first, square.second, edge);
   for (std::size_t i = 0; i < 4; ++i) {
     if (!corners[i]->valid) return false;
     for (std::size_t j = 0; j < i; ++j) {
       const GatherPoint &a = *corners[i], &b = *corners[j];
       const Vec3f between = b.position - a.position;
-      const float distance = length(between), cosine = dot(a.ns, b.ns);
       constexpr float kMostHeight = 0.25f;  // of the distance: else the corners lie on different surfaces
       const float height = std::max(std::abs(dot(between, a.ng)), std::abs(dot(between, b.ng)));
-      if (dot(a.ng, b.ng) <= 0.0f || height > kMostHeight * distance) return false;
+      if (dot(a.ng, b.ng) <= 0.0f || height > kMostHeight * length(between)) return false;
+    }
+  }
+  return true;
+}
+
+bool GatherPoints::interpolates(const Part& part, const Square& square, int edge) const {
+  const auto corners = part.corners_of(square.first, square.second, edge);
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const GatherPoint &a = *corners[i], &b = *corners[j];
+      const float distance = length(b.position - a.position), cosine = dot(a.ns, b.ns);
       // No place of the square is farther from its nearest corner than half of the diagonal, nor its normal.
       if (0.5f * std::max(change_bound(a, distance, cosine), change_bound(b, distance, cosine)) > error_) return false;
       const float la = luminance(a.irradiance), lb = luminance(b.irradiance);
@@ -186,6 +228,20 @@ bool GatherPoints::interpolates(const Part& part, int x, int y, int edge) const 
     }
   }
   return true;
+}
+
+std::vector<GatherPoints::Square> GatherPoints::quarters(const Part& part, const std::vector<Square>& squares, int edge,
+                                                         const ImagePart& within) {
+  std::vector<Square> finer;
+  const int half = edge / 2;
+  for (const auto& [x, y] : squares) {
+    const auto corners = part.corners_of(x, y, edge);
+    if (std::ranges::none_of(corners, [](const GatherPoint* point) { return point->valid; })) continue;
+    for (const auto& quarter : square_corners(x, y, half)) {
+      if (quarter.first < within.x1 && quarter.second < within.y1) finer.push_back(quarter);
+    }
+  }
+  return finer;
 }
 
 void GatherPoints::place(const ImagePart& image_part) {
@@ -201,33 +257,24 @@ void GatherPoints::place(const ImagePart& image_part) {
   part.columns = width + 1;
   part.corner.assign(static_cast<std::size_t>(part.columns) * static_cast<std::size_t>(height + 1), -1);
   part.square.assign(part.corner.size(), 0);
-  std::vector<std::pair<int, int>> squares;
+  std::vector<Square> squares;
   for (int y = part.y0; y < part.y0 + height; y += kCoarsest) {
     for (int x = part.x0; x < part.x0 + width; x += kCoarsest) squares.emplace_back(x, y);
   }
-  for (int edge = kCoarsest; edge >= 1 && !squares.empty(); edge /= 2) {
-    std::vector<std::pair<int, int>> corners, finer;
-    for (const auto& [x, y] : squares) {
-      for (const auto& corner : {std::pair{x, y}, {x + edge, y}, {x, y + edge}, {x + edge, y + edge}})
-        corners.push_back(corner);
+  for (int edge = kCoarsest; edge >= kFinest && !squares.empty(); edge /= 2) {
+    look_at(part, squares, edge);
+    const auto cut = std::ranges::stable_partition(
+        squares, [&](const Square& square) { return on_one_surface(part, square, edge); });
+    const std::vector<Square> whole(squares.begin(), cut.begin());
+    std::vector<Square> finer(cut.begin(), cut.end());
+    gather_at(part, whole, edge);
+    for (const Square& square : whole) {
+      if (interpolates(part, square, edge))
+        part.fill(square, edge);
+      else
+        finer.push_back(square);
     }
-    make_points(part, corners);
-    for (const auto& [x, y] : squares) {
-      if (interpolates(part, x, y, edge)) {
-        for (int py = y; py < y + edge; ++py) {
-          for (int px = x; px < x + edge; ++px) part.square[part.index(px, py)] = static_cast<std::uint8_t>(edge);
-        }
-        continue;
-      }
-      const bool nothing = !part.at(x, y).valid && !part.at(x + edge, y).valid && !part.at(x, y + edge).valid &&
-                           !part.at(x + edge, y + edge).valid;
-      const int half = edge / 2;
-      if (nothing || half == 0) continue;
-      for (const auto& square : {std::pair{x, y}, {x + half, y}, {x, y + half}, {x + half, y + half}}) {
-        if (square.first < image_part.x1 && square.second < image_part.y1) finer.push_back(square);
-      }
-    }
-    squares = std::move(finer);
+    squares = quarters(part, finer, edge, image_part);
   }
 }
 
@@ -261,7 +308,7 @@ bool GatherPoints::interpolate(int x, int y, const Vertex& vertex, Rgb& irradian
 bool GatherPoints::marked(int x, int y) const {
   const Part& part = part_of(x, y);
   const std::int32_t number = part.corner[part.index(x, y)];
-  return number >= 0 && part.points[static_cast<std::size_t>(number)].valid;
+  return number >= 0 && part.points[static_cast<std::size_t>(number)].gathered;
 }
 
 TileFigures GatherPoints::figures_at(int x, int y) const {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -15,7 +17,8 @@ namespace pf {
 
 /// Indirect irradiance at a point, gathered over its hemisphere.
 struct GatherPoint {
-  bool valid = false;  ///< the surface has a Lambert reflector to gather for
+  bool valid = false;     ///< the surface has a Lambert reflector to gather for
+  bool gathered = false;  ///< the fields after ng are known
   Vec3f position{0, 0, 0};
   Vec3f ns{0, 0, 1}, ng{0, 0, 1};
   Rgb irradiance{0, 0, 0};     ///< W m^-2
@@ -50,14 +53,16 @@ class HemisphereGather {
 
 /// Gather points of an image, placed adaptively on a lattice of its pixels, tile by tile.
 ///
-/// Squares of kCoarsest pixels are cut in four while the irradiance at their corners may not be interpolated:
-/// where corners lie on different surfaces, where other surfaces are near (the bound of [Ward 1988] for
-/// moving and turning away from a point, half of the square's diagonal at most, exceeds `error`), or where
-/// corners differ by more than `error` allows beyond their noise. A corner's point depends on its place in
-/// the image alone, so that tiles agree at their borders, whoever renders them.
+/// Squares of kCoarsest pixels are cut in four, down to kFinest, while the irradiance at their corners may not be
+/// interpolated: where corners lie on different surfaces, which rays through them tell before anything is gathered,
+/// where other surfaces are near (the bound of [Ward 1988] for moving and turning away from a point, half of the
+/// square's diagonal at most, exceeds `error`), or where corners differ by more than `error` allows beyond their noise.
+/// A corner's point depends on its place in the image alone, so that tiles agree at their borders, whoever renders
+/// them.
 class GatherPoints {
  public:
-  static constexpr int kCoarsest = 16;
+  static constexpr int kCoarsest = 16,
+                       kFinest = 2;  ///< points of single pixels would have more rays than their samples
 
   GatherPoints(const Scene& scene, const Eye& eye, const HemisphereGather& gather, const JobSpec& spec);
 
@@ -86,12 +91,31 @@ class GatherPoints {
     [[nodiscard]] const GatherPoint& at(int x, int y) const {
       return points[static_cast<std::size_t>(corner[index(x, y)])];
     }
+    void fill(const std::pair<int, int>& first, int edge) {
+      for (int py = first.second; py < first.second + edge; ++py) {
+        for (int px = first.first; px < first.first + edge; ++px)
+          square[index(px, py)] = static_cast<std::uint8_t>(edge);
+      }
+    }
+    [[nodiscard]] std::array<const GatherPoint*, 4> corners_of(int x, int y, int edge) const {
+      return {&at(x, y), &at(x + edge, y), &at(x, y + edge), &at(x + edge, y + edge)};
+    }
   };
 
   [[nodiscard]] const Part& part_of(int x, int y) const;
-  [[nodiscard]] GatherPoint make_point(int x, int y, TileFigures& figures) const;
-  void make_points(Part& part, const std::vector<std::pair<int, int>>& corners) const;
-  [[nodiscard]] bool interpolates(const Part& part, int x, int y, int edge) const;
+  /// A square of the lattice by its first pixel.
+  using Square = std::pair<int, int>;
+  /// What the pinhole sees through a corner, where that is a Lambert reflector.
+  [[nodiscard]] std::optional<Vertex> look(int x, int y, TileFigures& figures) const;
+  /// Finds what lies behind the corners of squares that were not looked at yet.
+  void look_at(Part& part, const std::vector<Square>& squares, int edge) const;
+  /// Gathers at the corners of squares where that has not been done yet.
+  void gather_at(Part& part, const std::vector<Square>& squares, int edge) const;
+  [[nodiscard]] static bool on_one_surface(const Part& part, const Square& square, int edge);
+  [[nodiscard]] bool interpolates(const Part& part, const Square& square, int edge) const;
+  /// Of squares that may not be interpolated, as far as they show a surface at all.
+  [[nodiscard]] static std::vector<Square> quarters(const Part& part, const std::vector<Square>& squares, int edge,
+                                                    const ImagePart& within);
 
   const Scene& scene_;
   const Eye& eye_;

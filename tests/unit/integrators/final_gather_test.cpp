@@ -61,6 +61,21 @@ TEST(GatherPoints, GrowInNumberAsTheErrorBoundFalls) {
   }
 }
 
+TEST(GatherPoints, LieOnNoFinerLatticeThanTwoPixels) {
+  const auto scene = corner_room().build();
+  const auto [marks, rays] = marks_of(*scene, gather_job(32, 16, 1e-6));
+  std::int64_t on_lattice = 0;
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      const std::int64_t mark = marks_within(marks, 32, x, y, x + 1, y + 1);
+      const bool lattice = x % GatherPoints::kFinest == 0 && y % GatherPoints::kFinest == 0;
+      if (lattice) on_lattice += mark;
+      EXPECT_TRUE(lattice || mark == 0) << x << ' ' << y;
+    }
+  }
+  EXPECT_GT(on_lattice, 32 * 16 / 8);
+}
+
 TEST(FinalGather, InterpolationSavesRaysAtNoGreaterError) {
   const auto scene = diffuse_box().build();
   JobSpec spec = gather_job(80, 80, 0.0);

@@ -272,7 +272,7 @@ TEST(Overrides, CannotBringFurtherKeysOrBrokenText) {
 }
 
 TEST(SpecHash, IsStable) {
-  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)), "c1122bae6f7246159525c1c3989a622af2e83ccf10f6538a9b02816ad300225d");
+  EXPECT_EQ(image_hash_of_spec(parsed(kMinimal)), "1883720b111ce409a7f07432d04d27c046f4c7bf7ff64e9c00221603fb2c1070");
   EXPECT_EQ(image_hash_of_spec(parsed(kFull)), "4b099b9e2878320c9b23966b8738bfbede70b62bf2af3c19e9d5c5cb49e0497f");
 }
 
