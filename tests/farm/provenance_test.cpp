@@ -120,7 +120,7 @@ TEST_F(Provenance, TheCoordinatorWritesItsStateFolderAlone) {
       const std::string info = read_file(fds.parent_path() / "fdinfo" / fd.path().filename(), 4096).value_or("");
       const std::size_t flags = info.find("flags:");
       if (error || flags == std::string::npos || !target.string().starts_with('/') ||
-          target.string().starts_with("/dev/") || inherited.contains(target))
+          fs::is_character_file(target, error) || inherited.contains(target))
         continue;
       if ((std::stoul(info.substr(flags + 6), nullptr, 8) & O_ACCMODE) == O_RDONLY) continue;
       const bool is_log = target.string().ends_with(".log");  // its standard error
