@@ -100,7 +100,11 @@ export class Page {
     await element.click();
   }
   async type(selector, text) {
-    await this.page.locator(selector).fill(text);
+    const element = await this.page.waitForSelector(selector);
+    if (!(await element.evaluate((e) => e instanceof HTMLInputElement))) return this.page.locator(selector).fill(text);
+    // fill() empties the field without telling the page, which then may put back what it held before the first key comes.
+    await element.evaluate((e) => (e.focus(), e.select()));
+    await this.page.keyboard.type(text);
   }
   /** A number that tells images apart. */
   picture() {
