@@ -10,6 +10,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "common/base/memory.h"
 #include "common/base/result.h"
 #include "worker/command_line.h"
 
@@ -31,6 +32,7 @@ int terminal_columns() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  pf::keep_freed_memory();  // photons and their tree come and go with every sub-pass
   std::signal(SIGINT, on_interrupt);
   std::signal(SIGTERM, on_interrupt);
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error like a full disk

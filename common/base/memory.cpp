@@ -3,6 +3,8 @@
 #include <charconv>
 #include <string_view>
 
+#include <malloc.h>
+
 #include "common/base/atomic_file.h"
 
 namespace pf {
@@ -27,5 +29,13 @@ std::uint64_t status_bytes(std::string_view key) {
 
 std::uint64_t peak_resident_bytes() { return status_bytes("VmHWM:"); }
 std::uint64_t resident_bytes() { return status_bytes("VmRSS:"); }
+
+void keep_freed_memory() {
+  // By default glibc gives back what is free at a heap's end once it is twice the largest block that was ever freed.
+  constexpr int kMappedBytes = 32 << 20;  // the largest that glibc itself would come to
+  constexpr int kKeptBytes = 256 << 20;
+  mallopt(M_MMAP_THRESHOLD, kMappedBytes);  // NOLINT(concurrency-mt-unsafe): no thread has been started yet
+  mallopt(M_TRIM_THRESHOLD, kKeptBytes);    // NOLINT(concurrency-mt-unsafe)
+}
 
 }  // namespace pf

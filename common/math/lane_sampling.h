@@ -78,15 +78,19 @@ struct Vec2x8 {
   return {d.x, d.y, sqrt(max(all(0.0f), 1.0f - d.x * d.x - d.y * d.y))};
 }
 
-/// Frame::from_normal(n).to_world(v).
-[[nodiscard]] inline Vec3x8 to_world_about(const Vec3x8& n, const Vec3x8& v) {
-  const Float8 sign = with_sign(all(1.0f), n.z);
-  const Float8 a = -1.0f / (sign + n.z);
-  const Float8 c = n.x * n.y * a;
-  const Vec3x8 t{1.0f + sign * n.x * n.x * a, sign * c, -sign * n.x};
-  const Vec3x8 b{c, sign + n.y * n.y * a, -n.y};
-  return t * v.x + b * v.y + n * v.z;
-}
+/// Frames around eight normals.
+struct Frame8 {
+  Vec3x8 t, b, n;
+
+  [[nodiscard]] static Frame8 from_normal(const Vec3x8& n) {
+    const Float8 sign = with_sign(all(1.0f), n.z);
+    const Float8 a = -1.0f / (sign + n.z);
+    const Float8 c = n.x * n.y * a;
+    return {{1.0f + sign * n.x * n.x * a, sign * c, -sign * n.x}, {c, sign + n.y * n.y * a, -n.y}, n};
+  }
+  [[nodiscard]] Vec3x8 to_local(const Vec3x8& v) const { return {dot(v, t), dot(v, b), dot(v, n)}; }
+  [[nodiscard]] Vec3x8 to_world(const Vec3x8& v) const { return t * v.x + b * v.y + n * v.z; }
+};
 
 [[nodiscard]] inline Vec3x8 offset_ray_origin(const Vec3x8& p, const Vec3x8& ng, const Vec3x8& direction,
                                               const Float8& extent) {

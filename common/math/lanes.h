@@ -62,10 +62,12 @@ struct Vec3x8 {
   [[nodiscard]] Int8 operator==(const Vec3x8& b) const { return (x == b.x) & (y == b.y) & (z == b.z); }
 };
 
+[[nodiscard]] inline Vec3x8 all(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
 [[nodiscard]] inline Float8 dot(const Vec3x8& a, const Vec3x8& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 [[nodiscard]] inline Float8 length2(const Vec3x8& v) { return dot(v, v); }
 [[nodiscard]] inline Vec3x8 normalize(const Vec3x8& v) { return v * (1.0f / sqrt(dot(v, v))); }
 [[nodiscard]] inline Float8 max_component(const Vec3x8& c) { return max(c.x, max(c.y, c.z)); }
+[[nodiscard]] inline Float8 average(const Vec3x8& c) { return (c.x + c.y + c.z) * (1.0f / 3.0f); }
 [[nodiscard]] inline Vec3x8 select(const Int8& mask, const Vec3x8& a, const Vec3x8& b) {
   return {mask ? a.x : b.x, mask ? a.y : b.y, mask ? a.z : b.z};
 }

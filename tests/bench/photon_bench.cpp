@@ -10,6 +10,7 @@
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
+#include "common/base/memory.h"
 #include "common/math/sampling.h"
 #include "tests/bench/floor_of_photons.h"
 #include "tests/bench/thread_time.h"
@@ -44,6 +45,7 @@ double median(std::vector<double> values) {
 
 /// Traces a sub-pass on one thread and replays its rays, taking turns which comes first.
 void trace_against_bare_rays(benchmark::State& state) {
+  keep_freed_memory();  // as the worker does
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const Scene& scene = scene_of(static_cast<int>(state.range(0)));
   const PhotonTracer tracer(scene, {1, kPaths, 0});

@@ -8,7 +8,6 @@
 #include "worker/bsdf/fresnel.h"
 #include "worker/bsdf/ggx.h"
 #include "worker/bsdf/lambert.h"
-#include "worker/bsdf/smooth.h"
 
 namespace pf {
 namespace {
@@ -258,9 +257,23 @@ std::optional<BsdfSample> Bsdf::finish(const Vec3f& wi, bool transmitted, Lobe l
   return is_finite(s.weight) ? std::optional(s) : std::nullopt;
 }
 
+/// Empty where `wi` lies on the wrong side of the geometric surface: only with a tilted shading normal. For flux,
+/// Veach's correction for it is in the weight [Veach 1997, 5.3].
 std::optional<BsdfSample> Bsdf::finish_delta(const Vec3f& wi, const Rgb& weight, bool transmitted, const Vec3f& normal,
                                              Transport mode) const {
-  return delta_sample({wi, weight, transmitted, layers_.thin}, {wo_, ng_, normal}, mode == Transport::kFlux);
+  const float wi_ng = dot(wi, ng_);
+  if (!(transmitted ? wi_ng < 0.0f : wi_ng > 0.0f)) return std::nullopt;
+  BsdfSample s;
+  s.wi = wi;
+  s.delta = true;
+  s.weight = weight;
+  s.transmitted = transmitted;
+  s.refracted = transmitted && !layers_.thin;
+  s.specularity = 1.0f;
+  if (mode == Transport::kFlux && normal != ng_) {
+    s.weight *= dot(wo_, normal) * std::abs(wi_ng) / (dot(wo_, ng_) * std::max(std::abs(dot(wi, normal)), 1e-9f));
+  }
+  return s;
 }
 
 }  // namespace pf

@@ -2,20 +2,9 @@
 
 #include "common/math/lane_sampling.h"
 #include "worker/bsdf/lambert.h"
+#include "worker/bsdf/visible_normal_lanes.h"
 
 namespace pf {
-
-/// visible_normal(n, front, ng, wo) of eight points.
-[[nodiscard]] inline Vec3x8 visible_normal(const Vec3x8& n, const Int8& front, const Vec3x8& ng, const Vec3x8& wo) {
-  const Vec3x8 turned = select(front, n, -n);
-  const Float8 l = length2(n);
-  const Int8 as_it_is = (turned == ng) | ~((l > 0.98f) & (l < 1.02f)) | ~(dot(turned, ng) > 0.0f);
-  if (lanes_of(as_it_is) == kAllLanes) return ng;
-  const Float8 limit = min(all(kMinNormalTurn), 0.9f * dot(wo, ng));
-  const Float8 cosine = dot(wo, turned);
-  const Vec3x8 visible = select(cosine >= limit, turned, normalize(turned + wo * (limit - cosine)));
-  return select(as_it_is | ~(dot(visible, wo) > 0.0f), ng, visible);
-}
 
 /// Eight points of surfaces that are one Lambert reflector whatever is around them (plain_lambert_albedo() in bsdf.h),
 /// as photons meet them: what Bsdf gives, to the bit, without what only other surfaces need. Normals are unit and on
@@ -45,7 +34,7 @@ class LambertLanes {
   [[nodiscard]] const Float8& wo_ns() const { return wo_ns_; }  ///< dot(wo, ns())
   [[nodiscard]] Sample sample_flux(const Vec3x8& albedo, const Vec2x8& u) const {
     const Vec3x8 local = sample_cosine_hemisphere(u);
-    const Vec3x8 wi = to_world_about(ns_, local);
+    const Vec3x8 wi = Frame8::from_normal(ns_).to_world(local);
     const Float8 wi_ng = dot(wi, ng_);
     const Vec3x8 corrected = albedo * (wo_ns_ * wi_ng / (wo_ng_ * local.z));
     return {wi, select(flat_, albedo, corrected), (local.z > 0.0f) & (wi_ng > 0.0f)};

@@ -37,8 +37,6 @@ struct Spiral {
 };
 const Spiral kSpiral;
 
-Vec3x8 eight(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
-
 /// Probes into the disc of a query, eight at once. Each goes from `eye`, above the hit point, to a point a little above
 /// the disc, where walls may stop it, and from there straight down: a slanted one alone would pass over ground that
 /// falls away, as on a ball of a few disc radii.
@@ -49,11 +47,11 @@ class Probes {
 
   /// Lanes whose probe counts.
   [[nodiscard]] unsigned count(const Vec3x8& targets, std::uint64_t& rays) const {
-    const Vec3x8 above = targets + eight(query_.normal) * all(lift_);
-    const RayLanes out{eight(eye_), above - eight(eye_), all(1.0f), true};
+    const Vec3x8 above = targets + all(query_.normal) * all(lift_);
+    const RayLanes out{all(eye_), above - all(eye_), all(1.0f), true};
     unsigned counted = shoot(out, kAllLanes, rays);
     const unsigned stopped = met_.hits;
-    const RayLanes down{above, eight(-query_.normal), all(lift_ + kPlaneTolerance * radius_), true};
+    const RayLanes down{above, all(-query_.normal), all(lift_ + kPlaneTolerance * radius_), true};
     if (stopped != kAllLanes) counted |= shoot(down, kAllLanes & ~stopped, rays);
     return counted;
   }
@@ -108,8 +106,8 @@ Coverage measure_coverage(const Scene& scene, const SurfacePoint& point, const D
     const Float8 r = radius * sqrt((number + u.x) / static_cast<float>(probes));
     const Float8 cosine = _mm256_load_ps(&kSpiral.cosine[static_cast<std::size_t>(first)]);
     const Float8 sine = _mm256_load_ps(&kSpiral.sine[static_cast<std::size_t>(first)]);
-    const Vec3x8 targets = eight(query.position) + eight(frame.t) * (r * (cosine * turn_x - sine * turn_y)) +
-                           eight(frame.b) * (r * (cosine * turn_y + sine * turn_x));
+    const Vec3x8 targets = all(query.position) + all(frame.t) * (r * (cosine * turn_x - sine * turn_y)) +
+                           all(frame.b) * (r * (cosine * turn_y + sine * turn_x));
     const unsigned counted = into_disc.count(targets, rays);
     covered += std::popcount(counted);
     for_each_lane(kAllLanes & ~counted,

@@ -22,6 +22,17 @@ struct PhotonLanes {
   std::array<MediumStack, kLanes> media;
 };
 
+/// One of them by itself.
+struct WalkingPhoton {
+  Ray ray;
+  Vec3f position;
+  Rgb flux;
+  std::uint32_t path;
+  int bounce;
+  bool specular_only;
+  MediumStack media;
+};
+
 /// make_photon() of eight photons.
 [[nodiscard]] inline std::array<Photon, kLanes> make_photons(const Vec3x8& position, const Vec3x8& flux,
                                                              const Vec3x8& towards_light,

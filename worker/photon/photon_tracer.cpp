@@ -9,8 +9,10 @@
 #include "common/base/parallel.h"
 #include "common/spec/job_spec.h"
 #include "worker/bsdf/lambert_lanes.h"
+#include "worker/bsdf/smooth_lanes.h"
 #include "worker/photon/photon_lanes.h"
 #include "worker/photon/photon_path.h"
+#include "worker/photon/photon_pool.h"
 #include "worker/photon/photon_tree.h"
 #include "worker/photon/projection_map.h"
 
@@ -20,25 +22,32 @@ namespace {
 /// Paths are cut into chunks of a fixed size, each with its own batch, joined in order.
 constexpr std::uint32_t kChunkPaths = 8192;
 
+/// Whether all paths start in air and carry what their lamp emits in its mean.
+bool starts_alike(const Scene& scene) {
+  if (scene.emission_varies()) return false;
+  if (!scene.any_medium()) return true;
+  const Lights& lights = scene.lights();
+  if (lights.punctual_count() > 0 || scene.environment().present()) return false;
+  for (std::uint32_t i = 0; i < lights.triangle_count(); ++i) {
+    if (!scene.media_of_emitter(i).empty()) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 /// One photon of eight, where the surface decides what happens to it.
 struct PhotonTracer::Walk {
   const PhotonNumbers& numbers;
   std::array<float, 4> u;  ///< of this bounce: lobe, direction, roulette
-  std::uint32_t path;
-  Ray ray;
-  Rgb flux;
-  MediumStack& media;
-  int bounce;
-  bool specular_only;
+  WalkingPhoton photon;
 
   /// Whether the photon goes on after a bounce of this weight; its flux is then what goes on.
-  [[gnu::always_inline]] bool survives(const Rgb& weight) { return roulette(flux, weight, u[3]) > 0.0f; }
+  [[gnu::always_inline]] bool survives(const Rgb& weight) { return roulette(photon.flux, weight, u[3]) > 0.0f; }
   /// Sends the photon from `point` towards `wi`.
   [[gnu::always_inline]] void follow(const SurfacePoint& point, const Vec3f& wi) {
-    ray.origin = offset_past(point, wi);
-    ray.direction = wi;
+    photon.ray.origin = offset_past(point, wi);
+    photon.ray.direction = wi;
   }
 };
 
@@ -53,8 +62,9 @@ PhotonTracer::PhotonTracer(const Scene& scene, const PhotonOptions& options)
       emitted_scale_(static_cast<float>(1.0 / (flux_unit_ * options.paths))) {
   for (int material = 0; material < scene.material_count(); ++material) {
     const Rgb* albedo = scene.plain_lambert(material);
-    matte_.push_back(albedo == nullptr ? std::array<float, 4>{} : std::array{albedo->x, albedo->y, albedo->z, 1.0f});
+    matte_.push_back(albedo == nullptr ? Matte{} : Matte{albedo->x, albedo->y, albedo->z, 1.0f});
   }
+  lamps_alike_ = starts_alike(scene);
 }
 
 /// Photons of some paths, a record each.
@@ -74,37 +84,12 @@ struct PhotonTracer::Arrivals {
   Uint8 path;
 };
 
-/// Paths that wait to be emitted, with their first numbers drawn for eight at once.
-class PhotonTracer::Start {
- public:
-  Start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end)
-      : numbers_(numbers), next_(first), end_(end) {}
-
-  /// The next path into `lane` of `photons`; false when none is left.
-  bool operator()(const PhotonTracer& tracer, PhotonLanes& photons, std::size_t lane) {
-    while (next_ < end_) {
-      const std::size_t from = taken_++ % kLanes;
-      if (from == 0) tracer.emit(numbers_, next_, emissions_);
-      const std::uint32_t path = next_++;
-      if (!tracer.start(emissions_, from, photons, lane)) continue;
-      photons.path[lane] = path;
-      return true;
-    }
-    return false;
-  }
-
- private:
-  const PhotonNumbers& numbers_;
-  std::uint32_t next_, end_;
-  std::size_t taken_ = 0;
-  EmissionLanes emissions_;
-};
-
 void PhotonTracer::emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const {
   const Uint8 paths = Uint8{0, 1, 2, 3, 4, 5, 6, 7} + first;
   const auto u = numbers.draw(paths, Uint8{}), more = numbers.draw(paths, Uint8{} + 1u);
   if (guided()) return emit_guided(u, more[0], emissions);
-  if (options_.projection == nullptr) return scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]}, emissions);
+  if (options_.projection == nullptr)
+    return scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], more[0]}, !lamps_alike_, emissions);
   emissions.lanes = 0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const auto picked = options_.projection->emit(u[0][lane], {u[1][lane], u[2][lane]}, {u[3][lane], more[0][lane]});
@@ -124,7 +109,7 @@ void PhotonTracer::emit_guided(std::array<Float8, 4> u, Float8 last, EmissionLan
     last[lane] = drawn.u[4];
     weight[lane] = drawn.weight;
   }
-  scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], last}, emissions);
+  scene_.lights().emit(u[0], {u[1], u[2]}, {u[3], last}, !lamps_alike_, emissions);
   emissions.flux = emissions.flux * weight;
 }
 
@@ -135,21 +120,28 @@ EmissionGuide::Drawn PhotonTracer::emission(std::uint64_t sub_pass, std::uint32_
   return options_.guide == nullptr ? EmissionGuide::Drawn{all, 1.0f} : options_.guide->draw(all);
 }
 
-bool PhotonTracer::start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons,
-                         std::size_t lane) const {
-  if ((emissions.lanes & (1u << from)) == 0) return false;
-  const Vec3f origin = emissions.origin[from];
-  const PhotonStart begins = photon_start(scene_, origin, emissions.triangle[from], emissions.barycentric[from]);
-  const Rgb flux = emissions.flux[from] * emitted_scale_ * begins.texture;
-  if (!(max_component(flux) > 0.0f)) return false;
-  photons.ray.origin.set(lane, origin);
-  photons.ray.direction.set(lane, emissions.direction[from]);
-  photons.position.set(lane, begins.position);
-  photons.flux.set(lane, flux);
-  photons.bounce[lane] = 0;
-  photons.specular_only[lane] = -1;
-  photons.media[lane] = begins.media;
-  return true;
+void PhotonTracer::start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end, PhotonPool& pool) const {
+  EmissionLanes emissions;
+  emit(numbers, first, emissions);
+  PhotonLanes photons;
+  photons.ray = {emissions.origin, emissions.direction};
+  photons.position = emissions.origin;
+  photons.flux = emissions.flux * all(emitted_scale_);
+  photons.path = Uint8{0, 1, 2, 3, 4, 5, 6, 7} + first;
+  photons.bounce = Int8{};
+  photons.specular_only = Int8{} - 1;
+  unsigned lanes = emissions.lanes;
+  if (end - first < kLanes) lanes &= (1u << (end - first)) - 1;
+  if (!lamps_alike_) {
+    for_each_lane(lanes, [&](std::size_t lane) {
+      const PhotonStart begins =
+          photon_start(scene_, emissions.origin[lane], emissions.triangle[lane], emissions.barycentric[lane]);
+      photons.position.set(lane, begins.position);
+      photons.flux.set(lane, photons.flux[lane] * begins.texture);
+      photons.media[lane] = begins.media;
+    });
+  }
+  pool.add(lanes & lanes_of(max_component(photons.flux) > 0.0f), photons);
 }
 
 /// Photon by photon, folded with |cos(ns)|/|cos(ng)| [Veach 1997, 5.3].
@@ -175,8 +167,8 @@ void PhotonTracer::store(const Arrivals& at, Part& part) const {
   });
 }
 
-unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons,
-                               Part& part) const {
+void PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons,
+                           PhotonPool& pool, Part& part) const {
   if (scene_.any_medium()) {
     for_each_lane(points.hits, [&](std::size_t lane) {
       const MediumStack& media = photons.media[lane];
@@ -189,44 +181,50 @@ unsigned PhotonTracer::scatter(const PhotonNumbers& numbers, const SurfaceLanes&
   const std::array<Float8, 4> u = numbers.draw(photons.path, 2 + 2 * reinterpret_cast<Uint8>(photons.bounce));
   Arrivals arrivals{0,        points.position, photons.flux,   -photons.ray.direction, points.ng,
                     Float8{}, Float8{},        photons.bounce, photons.specular_only,  photons.path};
-  const __m256i material = _mm256_and_si256(_mm256_load_si256(reinterpret_cast<const __m256i*>(points.material.data())),
-                                            reinterpret_cast<__m256i>(mask_of(points.hits)));
-  const auto of_material = [&](int offset) -> Float8 {
-    return _mm256_i32gather_ps(matte_[0].data() + offset, _mm256_slli_epi32(material, 2), sizeof(float));
-  };
-  const Vec3x8 albedo{of_material(0), of_material(1), of_material(2)};
-  const unsigned lambert = points.hits & lanes_of(of_material(3) != 0.0f);
+  const auto [albedo, lambert] = matte(points);
+  const unsigned deep = options_.max_depth == 0 ? 0 : lanes_of(photons.bounce >= options_.max_depth - 1);
   unsigned on = lambert == 0 ? 0 : scatter_lambert(lambert, albedo, points, u, photons, arrivals);
-  for_each_lane(points.hits & ~lambert, [&](std::size_t lane) {
+  const unsigned others = points.hits & ~lambert;
+  const unsigned smooth = others == 0 ? 0 : scatter_smooth(others, points, u, photons, on);
+  photons.bounce += 1;
+  // All at once: what waits in the pool is overwritten if eight are added before eight were taken.
+  pool.add(on & ~deep, photons);
+  for_each_lane(others & ~smooth, [&](std::size_t lane) {
     Walk walk{numbers,
               {u[0][lane], u[1][lane], u[2][lane], u[3][lane]},
-              photons.path[lane],
-              {photons.ray.origin[lane], photons.ray.direction[lane]},
-              photons.flux[lane],
-              photons.media[lane],
-              photons.bounce[lane],
-              photons.specular_only[lane] != 0};
-    const SurfacePoint point = points.point(lane);
-    const SmoothMaterial* smooth = scene_.smooth_material(point.material);
-    if (!(smooth != nullptr ? scatter_smooth(walk, point, *smooth, lane, arrivals)
-                            : scatter_any(walk, point, lane, arrivals)))
-      return;
-    on |= 1u << lane;
-    photons.ray.origin.set(lane, walk.ray.origin);
-    photons.ray.direction.set(lane, walk.ray.direction);
-    photons.flux.set(lane, walk.flux);
-    photons.specular_only[lane] = walk.specular_only ? -1 : 0;
+              {{photons.ray.origin[lane], photons.ray.direction[lane]},
+               photons.position[lane],
+               photons.flux[lane],
+               photons.path[lane],
+               photons.bounce[lane],
+               photons.specular_only[lane] != 0,
+               photons.media[lane]}};
+    if (scatter_any(walk, points.point(lane), lane, arrivals) && (deep >> lane & 1u) == 0) pool.add(walk.photon);
   });
   if (!options_.direct) arrivals.lanes &= ~lanes_of(arrivals.bounce == 0);
   if (arrivals.lanes != 0) store(arrivals, part);
-  photons.bounce += 1;
-  return options_.max_depth == 0 ? on : on & lanes_of(photons.bounce < options_.max_depth);
+}
+
+/// Albedo of the plain Lambert reflectors among the surfaces, and their lanes.
+std::pair<Vec3x8, unsigned> PhotonTracer::matte(const SurfaceLanes& points) const {
+  std::array<Float8, 4> rows;  // of lane i and lane i + 4
+  const auto of_lane = [&](std::size_t lane) {
+    const int material = (points.hits >> lane & 1u) != 0 ? points.material[lane] : 0;
+    return _mm_load_ps(&matte_[static_cast<std::size_t>(material)].red);
+  };
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = _mm256_set_m128(of_lane(i + 4), of_lane(i));
+  const Float8 xy = _mm256_unpacklo_ps(rows[0], rows[1]), xy2 = _mm256_unpacklo_ps(rows[2], rows[3]);
+  const Float8 zw = _mm256_unpackhi_ps(rows[0], rows[1]), zw2 = _mm256_unpackhi_ps(rows[2], rows[3]);
+  const Vec3x8 albedo{_mm256_shuffle_ps(xy, xy2, 0x44), _mm256_shuffle_ps(xy, xy2, 0xEE),
+                      _mm256_shuffle_ps(zw, zw2, 0x44)};
+  const Float8 plain = _mm256_shuffle_ps(zw, zw2, 0xEE);
+  return {albedo, points.hits & lanes_of(plain != 0.0f)};
 }
 
 bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, std::size_t lane, Arrivals& arrivals) const {
-  const Vec3f wo = -walk.ray.direction;
+  const Vec3f wo = -walk.photon.ray.direction;
   const bool entering = dot(wo, point.ng) > 0.0f;
-  const Bsdf bsdf(scene_.evaluate(point, walk.media.eta_outside(scene_, point.material, entering)), wo);
+  const Bsdf bsdf(scene_.evaluate(point, walk.photon.media.eta_outside(scene_, point.material, entering)), wo);
   if (bsdf.is_black()) return false;
   if (!bsdf.is_delta_only()) {
     arrivals.lanes |= 1u << lane;
@@ -238,30 +236,56 @@ bool PhotonTracer::scatter_any(Walk& walk, const SurfacePoint& point, std::size_
   if (!sample) return false;
   // A rough reflection counts as specular with the probability that it is followed rather than gathered.
   if (sample->specularity <= 0.0f ||
-      (sample->specularity < 1.0f && walk.numbers.late(walk.path, walk.bounce) >= sample->specularity)) {
-    walk.specular_only = false;
+      (sample->specularity < 1.0f &&
+       walk.numbers.late(walk.photon.path, walk.photon.bounce - 1) >= sample->specularity)) {
+    walk.photon.specular_only = false;
     if (options_.caustics_only) return false;
   }
   if (!walk.survives(sample->weight)) return false;
-  if (sample->refracted) walk.media.cross(point.material, entering);
+  if (sample->refracted) walk.photon.media.cross(point.material, entering);
   walk.follow(point, sample->wi);
   return true;
 }
 
 /// The same as scatter_any(), number for number, for mirrors and clear glass: nothing is stored there.
-bool PhotonTracer::scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material,
-                                  std::size_t lane, Arrivals& arrivals) const {
-  const Vec3f wo = -walk.ray.direction;
-  const bool entering = dot(wo, point.ng) > 0.0f;
-  std::optional<Interface> room;
-  const Interface* boundary =
-      material.boundary(walk.media.eta_outside(scene_, point.material, entering), entering, room);
-  if (boundary == nullptr) return scatter_any(walk, point, lane, arrivals);
-  const auto sample = SmoothSurface(*boundary, material.thin(), point.ng, point.ns, wo).sample_flux(walk.u[0]);
-  if (!sample || !walk.survives(sample->weight)) return false;
-  if (sample->refracted) walk.media.cross(point.material, entering);
-  walk.follow(point, sample->wi);
-  return true;
+unsigned PhotonTracer::scatter_smooth(unsigned lanes, const SurfaceLanes& points, const std::array<Float8, 4>& u,
+                                      PhotonLanes& photons, unsigned& on) const {
+  const Vec3x8 wo = -photons.ray.direction;
+  const unsigned entering = lanes_of(dot(wo, points.ng) > 0.0f);
+  std::array<const Interface*, kLanes> boundaries{};
+  std::array<std::optional<Interface>, kLanes> rooms;
+  unsigned smooth = 0;
+  for_each_lane(lanes, [&](std::size_t lane) {
+    const SmoothMaterial* material = scene_.smooth_material(points.material[lane]);
+    if (material == nullptr) return;
+    const bool enters = (entering >> lane & 1u) != 0;
+    const float outside = photons.media[lane].eta_outside(scene_, points.material[lane], enters);
+    boundaries[lane] = material->boundary(outside, enters, rooms[lane]);
+    smooth |= boundaries[lane] != nullptr ? 1u << lane : 0;
+  });
+  if (smooth == 0) return 0;
+  const Interface* any = boundaries[static_cast<std::size_t>(std::countr_zero(smooth))];
+  std::ranges::replace(boundaries, nullptr, any);
+  const InterfaceLanes boundary(boundaries);
+  const SmoothLanes::Sample sample = SmoothLanes(boundary, points.ng, points.ns, wo).sample_flux(u[0]);
+  const unsigned going = follow(mask_of(smooth) & sample.valid, sample.wi, sample.weight, u[3], points, photons);
+  for_each_lane(going & lanes_of(sample.refracted), [&](std::size_t lane) {
+    photons.media[lane].cross(points.material[lane], (entering >> lane & 1u) != 0);
+  });
+  on |= going;
+  return smooth;
+}
+
+/// Walk::survives() and Walk::follow() in the lanes of `mask`; returns those that go on.
+unsigned PhotonTracer::follow(const Int8& mask, const Vec3x8& wi, const Vec3x8& weight, const Float8& u,
+                              const SurfaceLanes& points, PhotonLanes& photons) {
+  const Vec3x8 left = photons.flux * weight;
+  const Float8 survival = min(all(1.0f), max_component(left) / max_component(photons.flux));
+  const Int8 on = mask & (u < survival);
+  photons.flux = select(on, select(survival < 1.0f, left / survival, left), photons.flux);
+  photons.ray.origin = select(on, offset_ray_origin(points.position, points.ng, wi, points.extent), photons.ray.origin);
+  photons.ray.direction = select(on, wi, photons.ray.direction);
+  return lanes_of(on);
 }
 
 /// The same as scatter_any(), number for number, for the surfaces of most hits, eight at once.
@@ -277,47 +301,44 @@ unsigned PhotonTracer::scatter_lambert(unsigned lanes, const Vec3x8& albedo, con
   arrivals.wo_ns = here ? surface.wo_ns() : arrivals.wo_ns;
   if (options_.caustics_only) return 0;
   const LambertLanes::Sample sample = surface.sample_flux(albedo, {u[1], u[2]});
-  // Walk::survives()
-  const Vec3x8 left = photons.flux * sample.weight;
-  const Float8 survival = min(all(1.0f), max_component(left) / max_component(photons.flux));
-  const Int8 on = here & sample.valid & (u[3] < survival);
-  photons.flux = select(on, select(survival < 1.0f, left / survival, left), photons.flux);
-  photons.specular_only = on ? Int8{} : photons.specular_only;
-  photons.ray.origin =
-      select(on, offset_ray_origin(points.position, points.ng, sample.wi, points.extent), photons.ray.origin);
-  photons.ray.direction = select(on, sample.wi, photons.ray.direction);
-  return lanes_of(on);
+  const unsigned on = follow(here & sample.valid, sample.wi, sample.weight, u[3], points, photons);
+  photons.specular_only = mask_of(on) ? Int8{} : photons.specular_only;
+  return on;
 }
 
 template <typename Watch>
 void PhotonTracer::trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part,
                                Watch&& watch) const {
-  // Several packets take turns, a bounce each: what one waits for in memory the next have already asked for.
+  // Several packets take turns: what one waits for in memory the next have already asked for.
   constexpr std::size_t kPackets = 4;
   const PhotonNumbers numbers{options_.seed, sub_pass};
+  PhotonPool pool(scene_.any_medium());
   std::vector<PhotonLanes> photons(kPackets);
   std::vector<SurfaceLanes> points(kPackets);
   std::array<RayLanes, kPackets> rays;
   std::array<unsigned, kPackets> alive{};
-  Start start(numbers, first, end);
-  const auto fill = [&](std::size_t packet, unsigned free) {
-    for_each_lane(free, [&](std::size_t lane) {
-      if (start(*this, photons[packet], lane)) alive[packet] |= 1u << lane;
-    });
-  };
-  for (std::size_t packet = 0; packet < kPackets; ++packet) fill(packet, kAllLanes);
-  while (std::ranges::any_of(alive, [](unsigned lanes) { return lanes != 0; })) {
-    for (std::size_t packet = 0; packet < kPackets; ++packet) rays[packet] = photons[packet].ray;
-    watch(rays, alive);
-    scene_.intersect(rays, alive, points);
-    for (std::size_t packet = 0; packet < kPackets; ++packet) {
-      const unsigned shot = alive[packet];
-      if (shot == 0) continue;
-      part.rays += static_cast<std::uint64_t>(std::popcount(shot));
-      part.lost += static_cast<std::uint64_t>(
-          std::popcount(shot & ~points[packet].hits & lanes_of(photons[packet].bounce == 0)));
-      alive[packet] = points[packet].hits == 0 ? 0 : scatter(numbers, points[packet], photons[packet], part);
-      fill(packet, kAllLanes & ~alive[packet]);
+  while (first < end || pool.size() != 0) {
+    for (; first < end && pool.has_room(); first += std::min<std::uint32_t>(kLanes, end - first))
+      start(numbers, first, end, pool);
+    const std::size_t waiting = pool.size();
+    pool.refill();
+    for (std::size_t taken = 0; taken < waiting;) {
+      for (std::size_t packet = 0; packet < kPackets; ++packet) {
+        const std::size_t count = std::min<std::size_t>(kLanes, waiting - taken);
+        alive[packet] = (1u << count) - 1;
+        if (count == 0) continue;
+        pool.take(taken, photons[packet]);
+        rays[packet] = photons[packet].ray;
+        taken += count;
+      }
+      watch(rays, alive);
+      scene_.intersect(rays, alive, points);
+      for (std::size_t packet = 0; packet < kPackets; ++packet) {
+        const unsigned shot = alive[packet], hits = points[packet].hits;
+        part.rays += static_cast<std::uint64_t>(std::popcount(shot));
+        part.lost += static_cast<std::uint64_t>(std::popcount(shot & ~hits & lanes_of(photons[packet].bounce == 0)));
+        if (hits != 0) scatter(numbers, points[packet], photons[packet], pool, part);
+      }
     }
   }
 }

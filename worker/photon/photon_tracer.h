@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "common/film/statistics.h"
@@ -14,6 +15,7 @@ namespace pf {
 
 class ProjectionMap;
 struct JobSpec;
+class PhotonPool;
 struct PhotonLanes;
 struct PhotonNumbers;
 
@@ -65,30 +67,38 @@ class PhotonTracer {
   struct Walk;
   struct Part;
   struct Arrivals;
-  class Start;
+  /// Albedo of a plain Lambert reflector and 1, or zeros.
+  struct alignas(16) Matte {
+    float red = 0, green = 0, blue = 0, plain = 0;
+  };
   /// Paths [first, end), appended to `part`; `watch` is called with all rays about to be shot.
   template <typename Watch>
   void trace_paths(std::uint64_t sub_pass, std::uint32_t first, std::uint32_t end, Part& part, Watch&& watch) const;
-  /// Emits paths [first, first + 8).
+  /// Emits paths [first, first + 8) as far as `end`; those that carry something join `pool`.
+  void start(const PhotonNumbers& numbers, std::uint32_t first, std::uint32_t end, PhotonPool& pool) const;
   void emit(const PhotonNumbers& numbers, std::uint32_t first, EmissionLanes& emissions) const;
   void emit_guided(std::array<Float8, 4> u, Float8 last, EmissionLanes& emissions) const;
   [[nodiscard]] bool guided() const { return options_.guide != nullptr && !options_.guide->uniform(); }
-  /// Puts one of them into `lane`; false when its path carries nothing.
-  bool start(const EmissionLanes& emissions, std::size_t from, PhotonLanes& photons, std::size_t lane) const;
-  /// Stores the photons at the points that they met and sends them on; returns the lanes that go on.
-  unsigned scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons, Part& part) const;
+  /// Stores the photons at the points that they met; those that go on join `pool`.
+  void scatter(const PhotonNumbers& numbers, const SurfaceLanes& points, PhotonLanes& photons, PhotonPool& pool,
+               Part& part) const;
+  [[nodiscard]] std::pair<Vec3x8, unsigned> matte(const SurfaceLanes& points) const;
   bool scatter_any(Walk& walk, const SurfacePoint& point, std::size_t lane, Arrivals& arrivals) const;
-  bool scatter_smooth(Walk& walk, const SurfacePoint& point, const SmoothMaterial& material, std::size_t lane,
-                      Arrivals& arrivals) const;
+  /// Returns the lanes that lie on such surfaces, and adds to `on` those that go on.
+  unsigned scatter_smooth(unsigned lanes, const SurfaceLanes& points, const std::array<Float8, 4>& u,
+                          PhotonLanes& photons, unsigned& on) const;
   unsigned scatter_lambert(unsigned lanes, const Vec3x8& albedo, const SurfaceLanes& points,
                            const std::array<Float8, 4>& u, PhotonLanes& photons, Arrivals& arrivals) const;
+  [[nodiscard]] static unsigned follow(const Int8& mask, const Vec3x8& wi, const Vec3x8& weight, const Float8& u,
+                                       const SurfaceLanes& points, PhotonLanes& photons);
   void store(const Arrivals& arrivals, Part& part) const;
 
   const Scene& scene_;
   PhotonOptions options_;
   double flux_unit_ = 0;
-  std::vector<std::array<float, 4>> matte_;  ///< per material: albedo of a plain Lambert reflector and 1, or zeros
-  float emitted_scale_ = 0;                  ///< from the flux of all paths [W] to flux_unit()
+  std::vector<Matte> matte_;  ///< per material
+  float emitted_scale_ = 0;   ///< from the flux of all paths [W] to flux_unit()
+  bool lamps_alike_ = false;  ///< every path starts in air, with the emission of its lamp's mean
 };
 
 }  // namespace pf

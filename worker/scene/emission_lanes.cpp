@@ -17,6 +17,15 @@ struct AreaLanes {
     extent[lane] = light.extent();
     paired[lane] = light.triangles().size() == 2 ? -1 : 0;
   }
+  /// The same light in all lanes.
+  void fill(const AreaLight& light) {
+    origin = all(light.origin());
+    edge_u = all(light.edge_u());
+    edge_v = all(light.edge_v());
+    normal = all(light.ng());
+    extent = all(light.extent());
+    paired = Int8{} - (light.triangles().size() == 2 ? 1 : 0);
+  }
 };
 
 /// sample_triangle() where a lane's light is one triangle.
@@ -29,12 +38,15 @@ Vec2x8 place(const Int8& paired, const Vec2x8& u) {
 
 }  // namespace
 
-void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction,
+void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction, bool find_points,
                   EmissionLanes& emissions) const {
   emissions.lanes = 0;
   emissions.triangle.fill(-1);
   unsigned areas = 0;
-  std::array<std::uint32_t, kLanes> lights;
+  std::array<std::uint32_t, kLanes> lights{};
+  if (emission_.size() == 1 && area_lights_.size() == 1 && emission_.total() > 0.0) {  // nothing to choose
+    return emit_areas(kAllLanes, lights, u_pick, u_position, u_direction, find_points, emissions);
+  }
   Float8 u_side{};
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const auto pick = pick_emitter(u_pick[lane]);
@@ -49,28 +61,35 @@ void Lights::emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& 
                         .emission);
     }
   }
-  if (areas != 0) emit_areas(areas, lights, u_side, u_position, u_direction, emissions);
+  if (areas != 0) emit_areas(areas, lights, u_side, u_position, u_direction, find_points, emissions);
 }
 
 /// emit_area() in `lanes`.
 void Lights::emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>& lights, const Float8& u_side,
-                        const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const {
-  AreaLanes areas;
+                        const Vec2x8& u_position, const Vec2x8& u_direction, bool find_points,
+                        EmissionLanes& emissions) const {
+  AreaLanes areas{};
   Vec3x8 flux{};
-  for_each_lane(lanes, [&](std::size_t lane) {
-    const AreaLight& light = area_lights_[lights[lane]];
-    areas.set(lane, light, light.two_sided() && u_side[lane] >= 0.5f);
-    flux.set(lane, picked_flux_[lights[lane]]);
-  });
+  if (area_lights_.size() == 1 && !area_lights_[0].two_sided()) {
+    areas.fill(area_lights_[0]);
+    flux = all(picked_flux_[0]);
+  } else {
+    for_each_lane(lanes, [&](std::size_t lane) {
+      const AreaLight& light = area_lights_[lights[lane]];
+      areas.set(lane, light, light.two_sided() && u_side[lane] >= 0.5f);
+      flux.set(lane, picked_flux_[lights[lane]]);
+    });
+  }
   const Vec2x8 st = place(areas.paired, u_position);
   const Vec3x8 position = areas.origin + areas.edge_u * st.x + areas.edge_v * st.y;
   const Int8 here = mask_of(lanes);
-  const Vec3x8 direction = normalize(to_world_about(areas.normal, sample_cosine_hemisphere(u_direction)));
+  const Vec3x8 direction = normalize(Frame8::from_normal(areas.normal).to_world(sample_cosine_hemisphere(u_direction)));
   emissions.lanes |= lanes;
   emissions.origin =
       select(here, offset_ray_origin(position, areas.normal, areas.normal, areas.extent), emissions.origin);
   emissions.direction = select(here, direction, emissions.direction);
   emissions.flux = select(here, flux, emissions.flux);
+  if (!find_points) return;
   for_each_lane(lanes, [&](std::size_t lane) {
     const AreaLight::Point point = area_lights_[lights[lane]].point_at(st.x[lane], st.y[lane]);
     emissions.triangle[lane] = static_cast<std::int32_t>(point.triangle);

@@ -85,8 +85,9 @@ class Lights {
   };
   [[nodiscard]] std::optional<EmissionPicked> emit(float u_pick, const Vec2f& u_position,
                                                    const Vec2f& u_direction) const;
-  /// emit() for eight paths at once, to the same bits.
-  void emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const;
+  /// emit() for eight paths at once, to the same bits. Without `find_points` nothing is said of triangles.
+  void emit(const Float8& u_pick, const Vec2x8& u_position, const Vec2x8& u_direction, bool find_points,
+            EmissionLanes& emissions) const;
 
   /// Sum over all lights of the emitted flux [W] (into the scene's bounds for directional lights and
   /// environment).
@@ -116,7 +117,8 @@ class Lights {
   [[nodiscard]] EmissionPicked emit_area(std::uint32_t light, float u_side, const Vec2f& u_position,
                                          const Vec2f& u_direction) const;
   void emit_areas(unsigned lanes, const std::array<std::uint32_t, kLanes>& lights, const Float8& u_side,
-                  const Vec2x8& u_position, const Vec2x8& u_direction, EmissionLanes& emissions) const;
+                  const Vec2x8& u_position, const Vec2x8& u_direction, bool find_points,
+                  EmissionLanes& emissions) const;
   [[nodiscard]] std::optional<Distribution1D::Pick> pick_emitter(float u) const;
   [[nodiscard]] EmissionPicked emit_by(const Distribution1D::Pick& pick, const Vec2f& u_position,
                                        const Vec2f& u_direction) const;

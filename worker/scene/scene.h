@@ -79,6 +79,7 @@ class Scene {
   [[nodiscard]] Rgb emission_ratio(std::uint32_t index, const Vec2f& barycentric) const {
     return any_emission_varies_ ? find_emission_ratio(index, barycentric) : Rgb{1.0f, 1.0f, 1.0f};
   }
+  [[nodiscard]] bool emission_varies() const { return any_emission_varies_; }  ///< whether any is not 1
   /// Refracting volumes around emissive triangle `index`, outermost first.
   [[nodiscard]] std::span<const int> media_of_emitter(std::uint32_t index) const;
   /// Index for Lights::pdf_w, or -1 where the surface does not emit.

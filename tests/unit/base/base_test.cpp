@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
+#include <sys/resource.h>
 
 #include <array>
 #include <regex>
@@ -89,6 +90,21 @@ TEST(Memory, PeakCountsWhatWasHeld) {
   EXPECT_GE(peak_resident_bytes(), resident_bytes());
   EXPECT_GE(peak_resident_bytes(), before);
   EXPECT_GT(resident_bytes(), kBytes);
+}
+
+TEST(Memory, ThatIsKeptIsUsedAgainWithoutAskingTheSystem) {
+  keep_freed_memory();
+  constexpr std::size_t kBytes = 16u << 20, kPages = kBytes / 4096;
+  const auto faults_of_use = [] {
+    rusage before{}, after{};
+    getrusage(RUSAGE_SELF, &before);
+    const std::vector<char> used(kBytes, 1);
+    getrusage(RUSAGE_SELF, &after);
+    EXPECT_EQ(used[kBytes / 2], 1);
+    return static_cast<std::size_t>(after.ru_minflt - before.ru_minflt);
+  };
+  (void)faults_of_use();
+  EXPECT_LT(faults_of_use(), kPages / 100);
 }
 
 TEST(ExitCode, FollowsTheCommandLineContract) {

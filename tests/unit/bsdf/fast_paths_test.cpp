@@ -7,6 +7,7 @@
 #include "tests/unit/bsdf/materials.h"
 #include "worker/bsdf/lambert_lanes.h"
 #include "worker/bsdf/smooth.h"
+#include "worker/bsdf/smooth_lanes.h"
 
 namespace pf::test {
 namespace {
@@ -89,33 +90,47 @@ SurfaceParams any_smooth(Random& random) {
   return p;
 }
 
-TEST(FastPaths, ASmoothSurfaceIsItsBsdfNumberForNumber) {
+TEST(FastPaths, SmoothSurfacesAreTheirBsdfsNumberForNumber) {
   Random random(12);
   int reflected = 0, refracted = 0, empty = 0;
-  for (int k = 0; k < kConfigurations; ++k) {
-    SurfaceParams p = any_smooth(random);
-    const Vec3f wo = place(random, p);
-    const auto material = SmoothMaterial::of(p);
-    ASSERT_TRUE(material);
-    std::optional<Interface> room;
-    const Interface* boundary = material->boundary(p.eta_outside, dot(wo, p.ng) > 0.0f, room);
-    if (boundary == nullptr) continue;  // equal indices
-    const Bsdf bsdf(p, wo);
-    EXPECT_TRUE(bsdf.is_black() || bsdf.is_delta_only());
-    const float u_lobe = random.uniform();
-    const auto exact = bsdf.sample(wo, u_lobe, {random.uniform(), random.uniform()}, Transport::kFlux);
-    const auto fast = SmoothSurface(*boundary, material->thin(), p.ng, p.ns, wo).sample_flux(u_lobe);
-    ASSERT_EQ(exact.has_value(), fast.has_value());
-    if (!fast) {
-      ++empty;
-      continue;
+  for (int k = 0; k < kConfigurations / kLanes; ++k) {
+    std::array<SurfaceParams, kLanes> params;
+    std::array<Vec3f, kLanes> wo;
+    std::array<std::optional<Interface>, kLanes> rooms;
+    std::array<std::optional<SmoothMaterial>, kLanes> materials;
+    std::array<const Interface*, kLanes> boundaries{};
+    Vec3x8 ng, ns, towards;
+    Float8 u_lobe{};
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      do {  // nothing mirrors between equal indices
+        params[i] = any_smooth(random);
+        wo[i] = place(random, params[i]);
+        materials[i] = SmoothMaterial::of(params[i]);
+        ASSERT_TRUE(materials[i]);
+        boundaries[i] = materials[i]->boundary(params[i].eta_outside, dot(wo[i], params[i].ng) > 0.0f, rooms[i]);
+      } while (boundaries[i] == nullptr);
+      ng.set(i, params[i].ng);
+      ns.set(i, params[i].ns);
+      towards.set(i, wo[i]);
+      u_lobe[i] = random.uniform();
     }
-    expect_same(exact, fast->wi, fast->weight);
-    EXPECT_EQ(exact->transmitted, fast->transmitted);
-    EXPECT_EQ(exact->refracted, fast->refracted);
-    EXPECT_EQ(exact->specularity, fast->specularity);
-    EXPECT_TRUE(exact->delta && fast->delta);
-    ++(fast->refracted ? refracted : reflected);
+    const InterfaceLanes boundary(boundaries);
+    const SmoothLanes::Sample fast = SmoothLanes(boundary, ng, ns, towards).sample_flux(u_lobe);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const Bsdf bsdf(params[i], wo[i]);
+      EXPECT_TRUE(bsdf.is_black() || bsdf.is_delta_only());
+      const auto exact = bsdf.sample(wo[i], u_lobe[i], {random.uniform(), random.uniform()}, Transport::kFlux);
+      ASSERT_EQ(exact.has_value(), fast.valid[i] != 0);
+      if (!exact) {
+        ++empty;
+        continue;
+      }
+      expect_same(exact, fast.wi[i], fast.weight[i]);
+      EXPECT_EQ(exact->refracted, fast.refracted[i] != 0);
+      EXPECT_EQ(exact->specularity, 1.0f);
+      EXPECT_TRUE(exact->delta);
+      ++(exact->refracted ? refracted : reflected);
+    }
   }
   EXPECT_GT(reflected, kConfigurations / 4);
   EXPECT_GT(refracted, kConfigurations / 10);

@@ -9,6 +9,7 @@
 #include "common/math/sampling.h"
 #include "tests/support/scenes.h"
 #include "worker/photon/photon_lanes.h"
+#include "worker/photon/photon_pool.h"
 
 namespace pf {
 namespace {
@@ -97,6 +98,74 @@ TEST(PhotonLanes, ArePackedAsOnePhotonIs) {
       EXPECT_EQ(photons[i].direction, one.direction);
       EXPECT_EQ(photons[i].normal, one.normal);
     }
+  }
+}
+
+PhotonLanes photons_from(std::uint32_t path) {
+  PhotonLanes photons;
+  photons.path = Uint8{0, 1, 2, 3, 4, 5, 6, 7} + path;
+  photons.bounce = reinterpret_cast<Int8>(photons.path) * 3;
+  photons.specular_only = Int8{} - 1;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const float x = static_cast<float>(photons.path[i]);
+    photons.ray.origin.set(i, {x, x + 0.1f, x + 0.2f});
+    photons.ray.direction.set(i, {x + 0.3f, x + 0.4f, x + 0.5f});
+    photons.position.set(i, {x + 0.6f, x + 0.7f, x + 0.8f});
+    photons.flux.set(i, {x + 0.9f, x + 0.95f, x + 0.99f});
+  }
+  return photons;
+}
+
+/// The photon that photons_from() puts where its path says.
+void expect_whole(const PhotonLanes& photons, std::size_t lane) {
+  const PhotonLanes expected = photons_from(photons.path[lane]);
+  EXPECT_EQ(photons.ray.origin[lane], expected.ray.origin[0]);
+  EXPECT_EQ(photons.ray.direction[lane], expected.ray.direction[0]);
+  EXPECT_EQ(photons.position[lane], expected.position[0]);
+  EXPECT_EQ(photons.flux[lane], expected.flux[0]);
+  EXPECT_EQ(photons.bounce[lane], expected.bounce[0]);
+  EXPECT_EQ(photons.specular_only[lane], -1);
+}
+
+TEST(PhotonPool, GivesWhatWentOnInOrderWhileItIsRefilled) {
+  PathRng rng(9, Stream::kTest, 0, 0);
+  PhotonPool pool(false);
+  std::vector<std::uint32_t> inside;
+  for (std::uint32_t path = 0; pool.has_room(); path += kLanes) {
+    pool.add(kAllLanes, photons_from(path));
+    for (std::uint32_t i = 0; i < kLanes; ++i) inside.push_back(path + i);
+  }
+  EXPECT_EQ(pool.size(), PhotonPool::kCapacity);
+  while (!inside.empty()) {
+    std::vector<std::uint32_t> next;
+    const std::size_t waiting = pool.size();
+    ASSERT_EQ(waiting, inside.size());
+    pool.refill();
+    for (std::size_t first = 0; first < waiting; first += kLanes) {
+      PhotonLanes photons;
+      pool.take(first, photons);
+      unsigned on = 0;
+      for (std::size_t i = 0; i < kLanes && first + i < waiting; ++i) {
+        EXPECT_EQ(photons.path[i], inside[first + i]);
+        expect_whole(photons, i);
+        on |= rng.next1() < 0.9f ? 1u << i : 0;
+      }
+      // The last of them by itself, as what is neither matte nor smooth.
+      const unsigned last = on == 0 ? 0 : std::bit_floor(on);
+      pool.add(on & ~last, photons);
+      for_each_lane(on & ~last, [&](std::size_t i) { next.push_back(photons.path[i]); });
+      for_each_lane(last, [&](std::size_t i) {
+        pool.add({{photons.ray.origin[i], photons.ray.direction[i]},
+                  photons.position[i],
+                  photons.flux[i],
+                  photons.path[i],
+                  photons.bounce[i],
+                  true,
+                  {}});
+        next.push_back(photons.path[i]);
+      });
+    }
+    inside = next;
   }
 }
 

@@ -36,9 +36,14 @@ TEST(LightEmission, EmissionCarriesTheTotalFlux) {
 TEST(LightEmission, EightPathsStartAsEachWouldAlone) {
   PathRng rng(5, Stream::kTest, 0, 0);
   int triangles = 0, others = 0;
-  for (std::uint32_t seed = 0; seed < 5; ++seed) {
-    const RandomScene scene(seed);
+  for (std::uint32_t seed = 0; seed < 17; ++seed) {
+    // Many lights; then one triangle, or two that make a parallelogram, lit on one side or on both.
+    RandomScene scene = seed < 5 ? RandomScene(seed) : RandomScene(seed, false, false, seed < 11 ? 1 : 2);
+    if (seed >= 11) scene.triangles.erase(scene.triangles.begin());
     const Lights lights = scene.lights();
+    if (seed >= 5) {
+      ASSERT_EQ(lights.area_lights().size(), 1u);
+    }
     for (int k = 0; k < 500; ++k) {
       Float8 pick{};
       Vec2x8 position{}, direction{};
@@ -48,7 +53,7 @@ TEST(LightEmission, EightPathsStartAsEachWouldAlone) {
         direction.x[i] = rng.next1(), direction.y[i] = rng.next1();
       }
       EmissionLanes emissions;
-      lights.emit(pick, position, direction, emissions);
+      lights.emit(pick, position, direction, true, emissions);
       for (std::size_t i = 0; i < kLanes; ++i) {
         const auto alone = lights.emit(pick[i], {position.x[i], position.y[i]}, {direction.x[i], direction.y[i]});
         ASSERT_EQ(alone.has_value(), (emissions.lanes >> i & 1u) != 0);
@@ -62,6 +67,13 @@ TEST(LightEmission, EightPathsStartAsEachWouldAlone) {
         }
         ++(alone->triangle >= 0 ? triangles : others);
       }
+      EmissionLanes without_points;
+      lights.emit(pick, position, direction, false, without_points);
+      EXPECT_EQ(without_points.lanes, emissions.lanes);
+      for_each_lane(emissions.lanes, [&](std::size_t i) {
+        EXPECT_EQ(without_points.origin[i], emissions.origin[i]);
+        EXPECT_EQ(without_points.direction[i], emissions.direction[i]);
+      });
     }
   }
   EXPECT_GT(triangles, 100);
