@@ -263,10 +263,11 @@ void GatherPoints::place(const ImagePart& image_part) {
   }
   for (int edge = kCoarsest; edge >= kFinest && !squares.empty(); edge /= 2) {
     look_at(part, squares, edge);
-    const auto cut = std::ranges::stable_partition(
-        squares, [&](const Square& square) { return on_one_surface(part, square, edge); });
-    const std::vector<Square> whole(squares.begin(), cut.begin());
-    std::vector<Square> finer(cut.begin(), cut.end());
+    // Not of std::ranges: clang 14 cannot read libstdc++'s subranges.
+    const auto cut = std::stable_partition(squares.begin(), squares.end(),
+                                           [&](const Square& square) { return on_one_surface(part, square, edge); });
+    const std::vector<Square> whole(squares.begin(), cut);
+    std::vector<Square> finer(cut, squares.end());
     gather_at(part, whole, edge);
     for (const Square& square : whole) {
       if (interpolates(part, square, edge))
