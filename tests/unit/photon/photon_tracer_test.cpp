@@ -1,5 +1,8 @@
 #include "worker/photon/photon_tracer.h"
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -18,6 +21,26 @@ TEST(PhotonTracer, ShootsTheRaysThatItCounts) {
   const auto scene = test::peer_box(16).build();
   const PhotonTracer tracer(*scene, {1, 20000, 0});
   EXPECT_EQ(tracer.rays_of(3).size(), tracer.trace(3).rays);
+}
+
+/// Paths that end sooner leave their places to others: nothing of that may be seen in a path's own rays.
+TEST(PhotonTracer, SendsAPathTheSameWayWhateverItsCompany) {
+  const auto scene = test::peer_box(16).build();
+  const auto rays_of = [&](int max_depth) {
+    std::vector<std::array<float, 6>> all;
+    for (const Ray& ray : PhotonTracer(*scene, {1, 65536, max_depth}).rays_of(0)) {
+      const Vec3f &o = ray.origin, &d = ray.direction;
+      all.push_back({o.x, o.y, o.z, d.x, d.y, d.z});
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+  };
+  const auto unbounded = rays_of(0);
+  for (const int depth : {2, 5, 9, 12}) {
+    const auto bounded = rays_of(depth);
+    EXPECT_LT(bounded.size(), unbounded.size());
+    EXPECT_TRUE(std::includes(unbounded.begin(), unbounded.end(), bounded.begin(), bounded.end())) << depth;
+  }
 }
 
 /// The room of the peers with a mesh placed twice (instances), smooth normals and flat ones.
